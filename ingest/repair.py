@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Polygons that can be built on: invalid ones repaired, hopeless ones named.
+
+A feature stays one object, also when it is a MultiPolygon (an object with several
+parts); its attributes are one row, and it is found again as one thing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from ingest.footprints import Geometries, outside_world
+from tiles.frames import WGS84_A_M, WGS84_E2, Floats
+
+MIN_AREA_M2 = 0.5
+MAX_WIDTH_M = 5000.0
+MAX_VERTICES = 4000
+"""More than this is simplified: 16-bit indices end at 65,535 vertices, 5 per corner."""
+_POLYGON, _MULTIPOLYGON, _COLLECTION = 3, 6, 7
+
+
+@dataclass(frozen=True, slots=True)
+class Repaired:
+    """Usable polygons and what became of every feature."""
+
+    polygon: Geometries
+    """(n,) 2-D Polygon or MultiPolygon, degrees, shells anticlockwise; None: skipped"""
+    was_repaired: NDArray[np.bool_]
+    """(n,) usable, but not as it came"""
+    reason: NDArray[np.object_]
+    """(n,) why a feature is skipped; empty where it is not"""
+
+
+def metres_per_degree(lat_deg: Floats) -> tuple[Floats, Floats]:
+    """Return metres per degree of longitude and of latitude on the ellipsoid."""
+    lat = np.radians(lat_deg)
+    w2 = 1.0 - WGS84_E2 * np.sin(lat) ** 2
+    normal_m = WGS84_A_M / np.sqrt(w2)
+    meridian_m = normal_m * (1.0 - WGS84_E2) / w2
+    degree = np.pi / 180.0
+    return normal_m * np.cos(lat) * degree, meridian_m * degree
+
+
+def size_m(polygon: Geometries) -> tuple[Floats, Floats]:
+    """Return width east and length north of each polygon's box, metres."""
+    west, south, east, north = shapely.bounds(polygon).T
+    per_lon, per_lat = metres_per_degree((south + north) / 2)
+    return (east - west) * per_lon, (north - south) * per_lat
+
+
+def area_m2(polygon: Geometries) -> Floats:
+    """Return the area of each polygon, m2, to about a thousandth for a building."""
+    bounds = shapely.bounds(polygon)
+    per_lon, per_lat = metres_per_degree((bounds[:, 1] + bounds[:, 3]) / 2)
+    return np.asarray(shapely.area(polygon) * per_lon * per_lat, np.float64)
+
+
+def repair(geometry: Geometries) -> Repaired:
+    """Make every feature a valid polygon, or say why it can't be one.
+
+    Parameters
+    ----------
+    geometry : (n,) shapely geometries in degrees, None where there is none
+    """
+    polygon = shapely.force_2d(np.asarray(geometry, object))
+    reason = np.full(len(polygon), "", object)
+    kind = shapely.get_type_id(polygon)
+    _mark(reason, (kind < 0) | shapely.is_empty(polygon), "no geometry")
+    polygonal = np.isin(kind, (_POLYGON, _MULTIPOLYGON, _COLLECTION))
+    _mark(reason, ~polygonal, "not a polygon")
+    _mark(reason, _not_finite(polygon), "coordinates that are no finite numbers")
+    _mark(reason, outside_world(polygon), "outside longitude +-180, latitude +-90")
+    polygon = _only(polygon, reason == "")
+
+    broken = (reason == "") & (~shapely.is_valid(polygon) | (kind == _COLLECTION))
+    polygon[broken] = _mended(polygon[broken])
+    heavy = shapely.get_num_coordinates(polygon) > MAX_VERTICES
+    polygon[heavy] = _simplified(polygon[heavy])
+    gone = shapely.is_missing(polygon) | shapely.is_empty(polygon)
+    _mark(reason, gone, "no area left after repair")
+    polygon = _only(polygon, reason == "")
+    _mark(reason, area_m2(polygon) < MIN_AREA_M2, f"smaller than {MIN_AREA_M2} m2")
+    width = np.fmax(*size_m(polygon))
+    _mark(reason, width > MAX_WIDTH_M, f"wider than {MAX_WIDTH_M / 1000:.0f} km")
+    polygon = _only(polygon, reason == "")
+    return Repaired(_tidied(polygon), (reason == "") & (broken | heavy), reason)
+
+
+def _mark(reason: NDArray[np.object_], where: NDArray[np.bool_], text: str) -> None:
+    reason[where & (reason == "")] = text
+
+
+def _only(polygon: Geometries, where: NDArray[np.bool_]) -> Geometries:
+    kept = np.full(len(polygon), None, object)
+    kept[where] = polygon[where]
+    return kept
+
+
+def _not_finite(geometry: Geometries) -> NDArray[np.bool_]:
+    coordinates, owner = shapely.get_coordinates(geometry, return_index=True)
+    bad = np.zeros(len(geometry), bool)
+    bad[owner[~np.isfinite(coordinates).all(axis=1)]] = True
+    return bad
+
+
+def _mended(geometry: Geometries) -> Geometries:
+    """Repair, and keep only what has an area."""
+    valid = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
+    return _area_parts(valid)
+
+
+def _area_parts(geometry: Geometries) -> Geometries:
+    mixed = shapely.get_type_id(geometry) == _COLLECTION
+    kept = geometry.copy()
+    for place in np.flatnonzero(mixed):
+        parts = _flat(geometry[place])
+        areal = parts[np.isin(shapely.get_type_id(parts), (_POLYGON, _MULTIPOLYGON))]
+        kept[place] = shapely.union_all(areal) if len(areal) else None
+    flat = np.isin(shapely.get_type_id(kept), (_POLYGON, _MULTIPOLYGON))
+    return _only(kept, flat)
+
+
+def _flat(geometry: shapely.Geometry) -> Geometries:
+    """Return the parts of a collection, collections inside it opened too."""
+    parts = shapely.get_parts(geometry)
+    while (shapely.get_type_id(parts) == _COLLECTION).any():
+        parts = shapely.get_parts(parts)
+    return np.asarray(parts)
+
+
+def _simplified(geometry: Geometries) -> Geometries:
+    """Leave out corners until few enough are left, from a tolerance of about 0.1 m up."""
+    tolerance = 1e-6
+    while (many := shapely.get_num_coordinates(geometry) > MAX_VERTICES).any():
+        geometry = geometry.copy()
+        geometry[many] = _area_parts(shapely.simplify(geometry[many], tolerance))
+        tolerance *= 2
+    return geometry
+
+
+def _tidied(polygon: Geometries) -> Geometries:
+    """Drop repeated corners; shells counter-clockwise, holes clockwise."""
+    clean = shapely.remove_repeated_points(polygon)
+    return np.asarray(shapely.orient_polygons(clean, exterior_cw=False))

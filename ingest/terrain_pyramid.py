@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All terrain tiles of one zone: depth first, one path of surfaces in memory.
+
+Going down, every inner cell is meshed at its own resolution. At each leaf the surfaces
+of all its ancestors are measured at the leaf's posts, so that an inner tile's error is
+its largest distance from the finest data below it, and grows monotonically upwards.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.layer import Layer
+from ingest.mosaic import Mosaic
+from ingest.terrain_tile import (
+    LEAF_SIDE,
+    Painted,
+    error_under,
+    leaf_error_m,
+    leaf_lattice,
+    paint,
+    step_m,
+    tile_of,
+)
+from tiles import bounds, cells
+from tiles.codec import checksum
+from tiles.index_tree import INDEX
+from tiles.lanes import Lane
+from tiles.terrain import TEXTURE_SIDE, encode
+
+MAX_LEVEL = 20
+PROBE = 17
+Box = tuple[float, float, float, float]
+"""west, south, east, north, degrees"""
+
+
+@dataclass(slots=True)
+class Node:
+    """A cell on the path from the zone's root, while its descendants are made."""
+
+    cell: int
+    painted: Painted | None
+    """None where the stored tile stays"""
+    error_m: float = 0.0
+    low_m: float = np.inf
+    high_m: float = -np.inf
+    children: list["Node"] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A finished index record, and the stored body where the tile is new."""
+
+    record: NDArray[np.void]
+    """(1,) INDEX; `row` is the old one where the tile stays, else 0"""
+    body: bytes | None
+
+
+class ZoneBuilder:
+    """Makes the tiles of one zone."""
+
+    def __init__(
+        self,
+        mosaic: Mosaic,
+        pictures: list[Layer],
+        changed: list[Box],
+        old: Mapping[int, NDArray[np.void]],
+    ) -> None:
+        self._mosaic, self._pictures = mosaic, pictures
+        self._changed, self._old = changed, old
+        self._path: list[Node] = []
+
+    def build(self, root: int) -> Iterator[Made]:
+        """Yield every cell of the zone, children before parents."""
+        yield from self._visit(root)
+
+    def _visit(self, cell: int) -> Iterator[Made]:
+        keep = cell in self._old and not touches(cell, self._changed)
+        node = Node(cell, None)
+        if self._splits(cell):
+            if not keep:
+                node.painted = paint(self._mosaic, self._pictures, cell, None)
+            self._path.append(node)
+            for child in cells.children(cell):
+                yield from self._visit(int(child))
+            self._path.pop()
+        else:
+            self._leaf(node, keep=keep)
+        if self._path:
+            self._path[-1].children.append(node)
+        yield self._finish(node)
+
+    def _leaf(self, node: Node, *, keep: bool) -> None:
+        if keep:
+            lattice = leaf_lattice(self._mosaic, node.cell)
+        else:
+            bound_m = self._leaf_bound_m(node.cell)
+            node.painted = paint(self._mosaic, self._pictures, node.cell, bound_m)
+            lattice = node.painted.lattice
+            node.error_m = leaf_error_m(self._mosaic, node.cell, node.painted.surface)
+        node.low_m, node.high_m = float(lattice.height_m.min()), float(lattice.height_m.max())
+        for above in self._path:
+            if above.painted:
+                gap = error_under(above.painted.surface, above.cell, lattice)
+                above.error_m = max(above.error_m, gap + node.error_m)
+
+    def _finish(self, node: Node) -> Made:
+        for child in node.children:
+            node.error_m = max(node.error_m, child.error_m)
+            node.low_m, node.high_m = min(node.low_m, child.low_m), max(node.high_m, child.high_m)
+        if node.painted is None:
+            record = self._old[node.cell].reshape(1).copy()
+            node.error_m = float(record["error_m"][0])
+            return Made(record, None)
+        tile = tile_of(node.cell, node.painted, node.error_m, leaf=not node.children)
+        body = encode(tile)
+        record = np.zeros(1, INDEX)
+        centre, radius_m = bounds.sphere_of(node.cell, node.low_m, node.high_m)
+        record["cell"], record["centre"], record["radius_m"] = node.cell, centre, radius_m
+        record["min_height_m"], record["max_height_m"] = node.low_m, node.high_m
+        record["error_m"], record["texel_m"] = node.error_m, tile.texel_m
+        record["children"] = 15 if node.children else 0
+        record["tile_bytes"], record["check"] = (
+            len(body),
+            checksum(Lane.TERRAIN, node.cell, body),
+        )
+        record["memory_bytes"] = tile.mesh.gpu_bytes + tile.texture.nbytes
+        return Made(record, body)
+
+    def _splits(self, cell: int) -> bool:
+        """Say whether a source shows more than a leaf of this size would hold."""
+        if cells.level(cell) >= MAX_LEVEL:
+            return False
+        post_m, texel_m = step_m(cell, LEAF_SIDE), step_m(cell, TEXTURE_SIDE)
+        finer = [layer for layer in self._mosaic.layers if layer.spacing_m < 0.999 * post_m]
+        finer += [layer for layer in self._pictures if layer.spacing_m < 0.7 * texel_m]
+        return any(has_posts(layer, cell) for layer in finer)
+
+    def _leaf_bound_m(self, cell: int) -> float:
+        """A hundredth of the post spacing, but not below half the source's own step."""
+        held = [layer for layer in self._mosaic.layers if has_posts(layer, cell)]
+        if not held:
+            return step_m(cell, LEAF_SIDE)
+        return max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2)
+
+
+def touches(cell: int, boxes: list[Box]) -> bool:
+    """Say whether a cell meets any of the boxes."""
+    return any(overlap(cell, box) is not None for box in boxes)
+
+
+def overlap(cell: int, box: Box) -> Box | None:
+    """Return the common part of a cell and a box, radians, or None."""
+    west, south, east, north = cells.bounds_rad(cell)
+    left, low, right, high = np.radians(box)
+    for turn in (-2 * np.pi, 0.0, 2 * np.pi):
+        w, e = max(west, left + turn), min(east, right + turn)
+        s, n = max(south, low), min(north, high)
+        if w < e and s < n:
+            return float(w), float(s), float(e), float(n)
+    return None
+
+
+def has_posts(layer: Layer, cell: int) -> bool:
+    """Say whether a source holds data somewhere in a cell."""
+    common = overlap(cell, layer.bounds_deg)
+    if common is None or layer.wraps or layer.is_picture:
+        return common is not None
+    west, south, east, north = common
+    steps = (np.arange(PROBE) + 0.5) / PROBE
+    lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
+    coarse_m = (north - south) / PROBE * 6.4e6
+    return bool(np.isfinite(layer.heights(lon.ravel(), lat.ravel(), coarse_m)).any())

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What goes wrong, in one line each."""
+
+from pathlib import Path
+
+
+class InputError(Exception):
+    """An input that can't be used: names it, says why and what to do.
+
+    Parameters
+    ----------
+    subject : path or name of the input
+    reason : what is wrong with it, without a full stop
+    advice : what the user can do
+    """
+
+    def __init__(self, subject: str | Path, reason: str, advice: str) -> None:
+        super().__init__(f"{subject}: {reason}; {advice}")
+
+
+class TileFault(Exception):
+    """A tile whose bytes are not what was written: never drawn, always reported."""
+
+    def __init__(self, lane: str, cell: str, reason: str) -> None:
+        super().__init__(f"{lane} tile {cell}: {reason}")

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is needed to decide about a cell without reading its tile, as arrays.
+
+An index block is one INDEX array: the cells of one subtree, at most `BLOCK_LEVELS`
+levels deep, sorted by cell id.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLOCK_LEVELS = 8
+INDEX = np.dtype(
+    [
+        ("cell", "<i8"),
+        ("centre", "<f8", 3),  # bounding sphere of what the subtree draws, ECEF m
+        ("radius_m", "<f4"),
+        ("min_height_m", "<f4"),
+        ("max_height_m", "<f4"),
+        ("error_m", "<f4"),  # terrain: mesh; objects: worst of the cell's proxies
+        ("texel_m", "<f4"),  # terrain: 0 where finer texture shows no more
+        ("own_dimension_m", "<f4"),  # largest of the cell's own objects
+        ("subtree_dimension_m", "<f4"),  # largest object at or below the cell
+        ("proxy_dimension_m", "<f4"),  # largest proxy at or below the cell
+        ("row", "<i4"),  # tile row in the store; 0: the cell has no tile of its own
+        ("tile_bytes", "<u4"),  # stored
+        ("memory_bytes", "<u4"),  # decoded
+        ("check", "<u4"),  # checksum of lane, cell and body
+        ("children", "u1"),  # bit k: child k is in the index
+        ("unused", "u1", 3),
+    ]
+)
+
+
+def is_monotone(records: NDArray[np.void], parent: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Say for each record whether its error is at most its parent's.
+
+    Parameters
+    ----------
+    records : (n,) INDEX
+    parent : (n,) int32 positions in `records`, -1 for roots
+    """
+    above = np.where(parent >= 0, records["error_m"][parent], np.inf)
+    return np.asarray(records["error_m"] <= above)

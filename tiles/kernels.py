@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One way to compile a hot loop: machine code, cached on disk, without the GIL."""
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def kernel(function: F) -> F:
+    """Compile `function` with numba: nopython, `nogil`, cached between runs."""
+    return cast("F", numba.njit(nogil=True, cache=True)(function))
+
+
+def inlined(function: F) -> F:
+    """Compile a small helper that is inlined into the kernels that call it."""
+    return cast("F", numba.njit(nogil=True, cache=True, inline="always")(function))

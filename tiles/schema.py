@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of a store, and what its file must say about itself."""
+
+APPLICATION_ID = 0x67656F70  # "geop"
+FORMAT_VERSION = 1
+
+TABLES = """
+CREATE TABLE tile(
+    row INTEGER PRIMARY KEY,
+    lane INTEGER NOT NULL,
+    cell INTEGER NOT NULL,
+    body BLOB NOT NULL,
+    retired INTEGER);                       -- generation that stopped naming it
+CREATE TABLE index_block(
+    lane INTEGER NOT NULL,
+    root INTEGER NOT NULL,                  -- cell whose subtree it holds
+    body BLOB NOT NULL,
+    PRIMARY KEY(lane, root)) WITHOUT ROWID;
+CREATE TABLE source(
+    name TEXT PRIMARY KEY,
+    kind TEXT NOT NULL,                     -- terrain, imagery or buildings
+    rank INTEGER NOT NULL,                  -- order of first ingest
+    details TEXT NOT NULL) WITHOUT ROWID;   -- JSON: path, crs, datum, report ...
+CREATE TABLE raster_block(
+    source TEXT NOT NULL,
+    level INTEGER NOT NULL,                 -- 0 as read, each further one halves
+    row INTEGER NOT NULL,
+    col INTEGER NOT NULL,
+    body BLOB NOT NULL,
+    PRIMARY KEY(source, level, row, col)) WITHOUT ROWID;
+CREATE TABLE object(
+    id INTEGER PRIMARY KEY,
+    source TEXT NOT NULL,
+    cell INTEGER NOT NULL,                  -- the one cell that holds it
+    lon_deg REAL NOT NULL,
+    lat_deg REAL NOT NULL,
+    base_m REAL NOT NULL,
+    height_m REAL NOT NULL,
+    dimension_m REAL NOT NULL,
+    footprint BLOB NOT NULL,                -- WKB, degrees
+    attributes TEXT NOT NULL);              -- JSON, as in the source
+CREATE INDEX object_by_source ON object(source);
+CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+INSERT INTO meta VALUES('generation', '0');
+"""

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world in one SQLite file: read side.
+
+Readers use autocommit statements, so they never pin the write-ahead log and fly on
+while an ingest swaps index blocks. Thread: each thread opens its own `Store`.
+"""
+
+import json
+import sqlite3
+import struct
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiles import cells
+from tiles.codec import checksum
+from tiles.errors import InputError, TileFault
+from tiles.index_tree import INDEX
+from tiles.lanes import Lane
+from tiles.schema import APPLICATION_ID, FORMAT_VERSION
+
+Record = np.void
+
+
+class Store:
+    """Tiles, index blocks, sources and objects of one world, for one thread."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        require_store(self.path)
+        uri = f"file:{quote(str(self.path.absolute()))}?mode=ro"
+        self.connection = sqlite3.connect(uri, uri=True, isolation_level=None)
+
+    def index(self, lane: Lane) -> NDArray[np.void]:
+        """Return all index records of a lane, (n,) INDEX, sorted by level then cell."""
+        rows = self.connection.execute(
+            "SELECT body FROM index_block WHERE lane=? ORDER BY root", (int(lane),)
+        ).fetchall()
+        parts = [np.frombuffer(body, INDEX) for (body,) in rows]
+        records = np.concatenate(parts) if parts else np.zeros(0, INDEX)
+        return records[np.lexsort((records["cell"], cells.level(records["cell"])))]
+
+    def body(self, row: int) -> bytes:
+        """Return the stored body of a tile row, unchecked; empty when it is gone."""
+        found = self.connection.execute("SELECT body FROM tile WHERE row=?", (row,)).fetchone()
+        return bytes(found[0]) if found else b""
+
+    def checked_body(self, lane: Lane, cell: int, row: int, check: int) -> bytes:
+        """Return the body of a tile, as an index record names it.
+
+        Raises
+        ------
+        TileFault
+            When the tile is gone, can't be read, or is not what was written.
+        """
+        try:
+            body = self.body(row)
+        except sqlite3.DatabaseError as error:
+            raise TileFault(lane.name, cells.text(cell), str(error)) from error
+        if not body:
+            raise TileFault(lane.name, cells.text(cell), "no such row")
+        if checksum(lane, cell, body) != check:
+            raise TileFault(lane.name, cells.text(cell), "checksum differs")
+        return body
+
+    def sources(self, kind: str | None = None) -> list[dict[str, Any]]:
+        """Return the sources in order of first ingest: name, kind, and their details."""
+        rows = self.connection.execute("SELECT name, kind, details FROM source ORDER BY rank")
+        found = [{"name": name, "kind": k, **json.loads(details)} for name, k, details in rows]
+        return [source for source in found if kind in {None, source["kind"]}]
+
+    def meta(self, key: str, default: str = "") -> str:
+        """Return a value of the meta table."""
+        found = self.connection.execute("SELECT value FROM meta WHERE key=?", (key,)).fetchone()
+        return str(found[0]) if found else default
+
+    def close(self) -> None:
+        """Close the file."""
+        self.connection.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def require_store(path: Path) -> None:
+    """Check that `path` is a whole store of a version that this code reads.
+
+    Raises
+    ------
+    InputError
+    """
+    if not path.is_file():
+        raise InputError(path, "no such store", "make one with `geopage ingest terrain`")
+    with path.open("rb") as file:
+        head = file.read(100)
+    if len(head) < 100 or not head.startswith(b"SQLite format 3\0"):
+        raise InputError(path, "not a geopage store", "name a .geopage file")
+    page = struct.unpack(">H", head[16:18])[0]
+    page = 65536 if page == 1 else page
+    pages, version, application = struct.unpack(">I28xI4xI", head[28:72])
+    if application != APPLICATION_ID:
+        raise InputError(path, "not a geopage store", "name a .geopage file")
+    if version > FORMAT_VERSION:
+        raise InputError(path, f"store version {version} is newer", "update geopage")
+    if path.stat().st_size < pages * page:
+        raise InputError(path, "truncated store", "copy it again or ingest again")
