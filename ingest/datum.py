@@ -10,8 +10,8 @@ from pyproj.exceptions import ProjError
 
 from tiles.errors import InputError
 from tiles.frames import Floats
+from tiles.samples import SAMPLES
 
-SAMPLES = Path(__file__).resolve().parent.parent / "data_samples"
 GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
 EPSG = {5773: "egm96", 5171: "egm96", 3855: "egm2008", 4979: "ellipsoid", 4326: "ellipsoid"}
 ADVICE = "state one with --datum egm96 or --datum ellipsoid"

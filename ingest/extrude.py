@@ -67,6 +67,8 @@ def extrude(polygon: Geometries, foot_m: Floats, top_m: Floats) -> Prisms:
     foot_m, top_m : (n,) heights of the walls' lower edge and of the roof, above the
         ellipsoid, m
     """
+    if not len(polygon):
+        return _no_prisms()
     corners = _corners(polygon)
     count = np.diff(corners.start)
     roof, roof_count = _roofs(corners, polygon)
@@ -99,6 +101,12 @@ def extrude(polygon: Geometries, foot_m: Floats, top_m: Floats) -> Prisms:
         np.radians(lon), np.radians(lat), height, vertices, triangles, vertex_start,
         triangle_start,
     )  # fmt: skip
+
+
+def _no_prisms() -> Prisms:
+    none, start = np.zeros(0), np.zeros(1, np.int64)
+    triangles = np.zeros((0, 3), np.int64)
+    return Prisms(none, none, none, np.zeros(0, VERTEX), triangles, start, start)
 
 
 def _corners(polygon: Geometries) -> _Corners:

@@ -152,9 +152,10 @@ def _choose_layer(path: Path, source: str, layer: str | None) -> tuple[str, list
     fitting = [name for name, kind in found if any(word in kind for word in _POLYGONAL)]
     if layer is not None:
         return layer, []
+    if not found:
+        raise _unreadable(path, ValueError("no layers"))
     if not fitting:
-        kinds = ", ".join(sorted({kind for _, kind in found})) or "no layer"
-        raise _no_polygons(path, kinds)
+        raise _no_polygons(path, ", ".join(sorted({kind for _, kind in found})))
     others = [f"{path.name}: took layer {fitting[0]} of {', '.join(fitting)} (--layer)"]
     return fitting[0], others if len(fitting) > 1 else []
 

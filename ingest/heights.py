@@ -37,6 +37,17 @@ _VALUE = re.compile(
 )
 
 
+HOW = (
+    "from_attribute",
+    "from_levels",
+    "default",
+    "unreadable_value",
+    "raised",
+    "base_ignored",
+)
+"""What the bits of `Heights.how` say, from the lowest; one of the first three is set."""
+
+
 @dataclass(frozen=True, slots=True)
 class HeightRules:
     """Which attributes say the height; None means: look under the usual names."""
@@ -56,7 +67,10 @@ class Heights:
     """(n,) height of the roof, m"""
     foot_m: Floats
     """(n,) height where the walls begin, m; 0 for nearly all"""
-    report: dict[str, Any] = field(default_factory=dict)
+    how: NDArray[np.uint8]
+    """(n,) bits of HOW: where the height comes from, what was passed over"""
+    used: dict[str, Any] = field(default_factory=dict)
+    """the fields that were looked at, the default, the units"""
 
 
 def heights_of(
@@ -88,20 +102,29 @@ def heights_of(
     foot_m = np.nan_to_num(np.where(np.isnan(foot_m), low * LEVEL_M, foot_m))
     too_high = foot_m >= top_m
     foot_m[too_high] = 0.0
-    report = {
-        "from_attribute": int((~np.isnan(tall)).sum()),
-        "from_levels": int((np.isnan(tall) & ~np.isnan(levels)).sum()),
-        "default": int(defaulted.sum()),
-        "unreadable_values": int((odd | odd_levels).sum()),
-        "raised": int((foot_m > 0).sum()),
-        "base_ignored": int(too_high.sum()),
+    by_attribute = ~np.isnan(tall)
+    facts = (
+        by_attribute,
+        ~by_attribute & ~defaulted,
+        defaulted,
+        odd | odd_levels,
+        foot_m > 0,
+        too_high,
+    )
+    how = np.packbits(np.array(facts), axis=0, bitorder="little")[0]
+    used = {
         "height_fields": by_height,
         "level_fields": by_levels,
         "base_fields": [*bases, *low_levels],
         "default_height_m": rules.default_height_m,
         "units": rules.units,
     }
-    return Heights(top_m, foot_m, report)
+    return Heights(top_m, foot_m, how, used)
+
+
+def count_how(how: NDArray[np.uint8]) -> dict[str, int]:
+    """Count the bits of `Heights.how`."""
+    return {name: int(((how >> bit) & 1).sum()) for bit, name in enumerate(HOW)}
 
 
 def _fields(

@@ -124,8 +124,8 @@ class Layer:
         top = max(top, 0)
         return x - left, y - top, self._blocks.window(level, top, bottom, left, right)
 
-    def rim(self, most_posts: int, most: int) -> tuple[Floats, Floats]:
-        """Return places (lon_rad, lat_rad) of posts beside no data or the raster's edge.
+    def rim(self, most_posts: int, most: int) -> tuple[Floats, Floats, Floats]:
+        """Return the posts beside no data or the raster's edge: lon_rad, lat_rad, height_m.
 
         Parameters
         ----------
@@ -136,13 +136,16 @@ class Layer:
         while (self._shape[0] >> level) * (self._shape[1] >> level) > most_posts:
             level += 1
         height, width = level_shape(self._shape[1], self._shape[0], level)
-        known = np.isfinite(self._blocks.window(level, 0, height, 0, width))
-        inner = np.pad(known, 1)
-        around = inner[:-2, 1:-1] & inner[2:, 1:-1] & inner[1:-1, :-2] & inner[1:-1, 2:]
-        row, col = np.nonzero(known & ~around)
+        posts = self._blocks.window(level, 0, height, 0, width)
+        known = np.isfinite(posts)
+        padded = np.pad(known, 1)
+        shifts = [padded[r : r + height, c : c + width] for r in range(3) for c in range(3)]
+        row, col = np.nonzero(known & ~np.logical_and.reduce(shifts))
         step = max(1, len(row) // most)
         row, col = row[::step], col[::step]
-        return self._places((col + 0.5) * 2**level - 0.5, (row + 0.5) * 2**level - 0.5)
+        places = self._places((col + 0.5) * 2**level - 0.5, (row + 0.5) * 2**level - 0.5)
+        height = posts[row, col] * self.unit_m + undulation_m(self.datum, *places)
+        return *places, height
 
     def _places(self, col: Floats, row: Floats) -> tuple[Floats, Floats]:
         """Invert `pixels`."""

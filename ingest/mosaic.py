@@ -83,15 +83,13 @@ class Mosaic:
     def _rim_of(self, layer: Layer) -> Rim | None:
         """Find the posts next to no data or to the raster's edge, and the difference there."""
         count = len(self._rims)
-        lon, lat = layer.rim(RIM_SEARCH, RIM_POSTS)
+        lon, lat, fine = layer.rim(RIM_SEARCH, RIM_POSTS)
         if not len(lon):
             return None
-        fine = layer.heights(lon, lat, 0.0)
         coarse = self._fold(lon, lat, layer.spacing_m, count)
         coarser = [c.spacing_m for c in self.layers[:count] if c.near(lon, lat).any()]
         feather_m = min(coarser) if coarser else 10 * layer.spacing_m
-        keep = np.isfinite(fine)
-        return Rim(feather_m, lon[keep], lat[keep], (fine - coarse)[keep])
+        return Rim(feather_m, lon, lat, fine - coarse)
 
 
 def bend(rim: Rim, lon_rad: Floats, lat_rad: Floats) -> Floats:

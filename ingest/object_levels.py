@@ -8,6 +8,7 @@ than the object, so the four linked cells of a point hold all that can reach it.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiles import cells, geodesy
 from tiles.errors import InputError
@@ -20,7 +21,7 @@ MAX_LEAF_M = 1500.0
 MAX_VERTICES = 60_000
 """Own vertices of a cell; 16-bit indices and the proxies' share of them."""
 ORDINARY = 0.9
-"""Ordinary objects are the smallest nine of ten in a cell."""
+"""Share of a cell's objects that must be smaller than the child that would hold them."""
 
 
 def assign(
@@ -52,28 +53,27 @@ def _leaf_levels(lon_rad: Floats, lat_rad: Floats, dimension_m: Floats, size: In
     """Split from the zone roots down; all cells of one level at once."""
     leaf = np.zeros(len(lon_rad), np.int64)
     active = np.arange(len(lon_rad))
+    below = cells.cell_at(lon_rad, lat_rad, 0)
     for level in range(cells.MAX_LEVEL):
         if not len(active):
             break
-        cell = cells.cell_at(lon_rad[active], lat_rad[active], level)
         leaf[active] = level
-        active = active[_splits(cell, dimension_m[active], size[active])]
+        cell = below
+        below = cells.cell_at(lon_rad[active], lat_rad[active], level + 1)
+        fits = geodesy.cell_width_m(below) > dimension_m[active]
+        splits = _splits(cell, fits, size[active])
+        active, below = active[splits], below[splits]
     return leaf
 
 
-def _splits(
-    cell: Ints, dimension_m: Floats, size: Ints
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Tell for each object whether its cell splits."""
-    order = np.lexsort((dimension_m, cell))
-    unique, first, count = np.unique(cell[order], return_index=True, return_counts=True)
-    ordinary = first + np.minimum((count * ORDINARY).astype(np.int64), count - 1)
-    ordinary_m = dimension_m[order][ordinary]
-    heavy = np.add.reduceat(size[order], first) > MAX_MESH_BYTES
+def _splits(cell: Ints, fits: NDArray[np.bool_], size: Ints) -> NDArray[np.bool_]:
+    """Tell for each object whether its cell splits; `fits`: it is smaller than a child."""
+    unique, where, count = np.unique(cell, return_inverse=True, return_counts=True)
+    fitting = np.bincount(where, fits) >= ORDINARY * count
+    heavy = np.bincount(where, size) > MAX_MESH_BYTES
     wide = geodesy.cell_edge_m(unique) > MAX_LEAF_M
-    room_m = geodesy.cell_width_m(cells.children(unique)).min(axis=1)
-    splits = (wide | heavy | (count > MAX_OBJECTS)) & (room_m > ordinary_m)
-    return np.asarray(splits[np.searchsorted(unique, cell)])
+    splits = (wide | heavy | (count > MAX_OBJECTS)) & fitting
+    return np.asarray(splits[where])
 
 
 def _pushed_up(cell: Ints, dimension_m: Floats, vertex_count: Ints) -> Ints:

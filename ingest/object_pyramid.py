@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Object tiles and their index: buildings in their cells, proxies above them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from ingest.object_index import index_records
 from ingest.object_tiles import OwnObjects, Proxies, make_tile, meshes_of
 from ingest.object_tree import Tree, build_tree, proxied_children
 from ingest.proxies import Boxes, Solids, make_boxes, measure, sample_surfaces
+from ingest.raster_blocks import Progress
 from ingest.repair import area_m2, size_m
 from tiles import cells
 from tiles.codec import HEADER, checksum
@@ -24,7 +24,6 @@ from tiles.lanes import Lane
 from tiles.mesh import VERTEX
 from tiles.objects import ObjectTile, encode
 
-Progress = Callable[[int, int, str], None]
 _VERTEX_BYTES = VERTEX.itemsize + 4
 # Half a 16-bit step in three directions, in units of a sphere around the tile.
 _ROUNDING = 6e-5
@@ -99,7 +98,8 @@ def build_pyramid(buildings: Buildings, progress: Progress) -> Pyramid:
     own = OwnObjects(meshes, buildings.id, buildings.dimension_m)
     progress(1, 3, "extruded")
 
-    child = proxied_children(tree)
+    bare = index_records(tree, meshes.drawn)
+    child = proxied_children(tree, bare["radius_m"].astype(np.float64))
     proxies = _proxies(tree, child, buildings, prisms)
     records = index_records(tree, meshes.drawn + proxies.meshes.drawn)
     proxies = _decide(records, tree, child, own, proxies)

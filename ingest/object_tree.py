@@ -10,7 +10,7 @@ from tiles import cells, geodesy
 from tiles.frames import Floats, Ints
 
 MAX_PROXIED_M = 80_000.0
-"""Cells up to this edge hold proxies, so a proxy stands for at most about 40 km."""
+"""Cells hold proxies when they, or their content, are no wider: a city, not a country."""
 MIN_TOP_OBJECTS = 5
 """A lone leaf of fewer objects needs no proxy above it."""
 
@@ -57,21 +57,18 @@ def build_tree(object_cell: Ints) -> Tree:
     """Return the tree of objects' cells, (n,) sorted."""
     found = np.unique(object_cell)
     known = [found]
-    for level in range(int(cells.level(found).max(initial=0)) - 1, -1, -1):
-        deeper = found[cells.level(found) > level]
-        found = np.unique(
-            np.concatenate(
-                (found[cells.level(found) <= level], cells.ancestor(deeper, level))
-            )
-        )
+    for depth in range(int(cells.level(found).max(initial=0)) - 1, -1, -1):
+        deep = cells.level(found) > depth
+        above = cells.ancestor(found[deep], depth)
+        found = np.unique(np.concatenate((found[~deep], above)))
         known.append(found)
     cell = np.unique(np.concatenate(known))
     level = cells.level(cell)
-    above = np.searchsorted(cell, cells.ancestor(cell, np.maximum(level - 1, 0)))
+    parent = np.searchsorted(cell, cells.ancestor(cell, np.maximum(level - 1, 0)))
     return Tree(
         cell,
         level,
-        np.where(level > 0, above, -1),
+        np.where(level > 0, parent, -1),
         np.searchsorted(object_cell, cells.range_min(cell)),
         np.searchsorted(object_cell, cells.range_max(cell), side="right"),
         np.searchsorted(object_cell, cell),
@@ -79,16 +76,18 @@ def build_tree(object_cell: Ints) -> Tree:
     )
 
 
-def proxied_children(tree: Tree) -> Ints:
+def proxied_children(tree: Tree, radius_m: Floats) -> Ints:
     """Return the cells (positions) that get a proxy, sorted by parent, then id.
 
-    A cell holds a proxy for each child when it branches, or has objects of its own. A
-    chain of single children needs none, but the cell above the topmost tile of a city
-    does: there the whole city is one proxy.
+    `radius_m`, (c,), is that of a sphere around each cell's buildings. A cell holds a
+    proxy for each child when it branches, or has objects of its own. A chain of single
+    children needs none, but the cell above the topmost tile of a city does: there the
+    whole city is one proxy.
     """
     below = tree.parent >= 0
     child_count = np.bincount(tree.parent[below], minlength=len(tree.cell))
-    narrow = geodesy.cell_edge_m(tree.cell) <= MAX_PROXIED_M
+    edge_m = geodesy.cell_edge_m(tree.cell)
+    narrow = np.minimum(edge_m, 2 * radius_m) <= MAX_PROXIED_M
     holds = narrow & (child_count > 0) & ((child_count > 1) | tree.has_own)
     covered = _has_above(tree, holds)
     worth = tree.last - tree.first >= MIN_TOP_OBJECTS

@@ -23,7 +23,7 @@ from tiles.frames import Floats, Ints
 from tiles.mesh import ROOF
 
 MAX_GRID = 6
-OBJECTS_PER_BOX = 4.0
+OBJECTS_PER_BOX = 2.0
 SAMPLES = 12
 """Points sampled on each building, on average, besides its roof's corners."""
 _SEED = 20_240_229
@@ -71,6 +71,9 @@ def make_boxes(solids: Solids, first: Ints, last: Ints) -> Boxes:
     solids : the buildings
     first, last : (g,) group k holds the buildings from first[k] to last[k] - 1
     """
+    if not len(first):
+        none = np.zeros(0)
+        return Boxes(none.astype(int), np.zeros((0, 4)), none, none, none, none.astype(int))
     count = last - first
     group = np.repeat(np.arange(len(first)), count)
     start = np.concatenate(([0], np.cumsum(count)[:-1]))
@@ -151,6 +154,8 @@ def measure(boxes: Boxes, samples: Samples, first: Ints, last: Ints) -> Floats:
     The distance of a real point to the boxes is exact. That of a box's point to the
     real surface is to the nearest sampled point, so it errs on the large side.
     """
+    if not len(first):
+        return np.zeros(0)
     begin = np.searchsorted(boxes.group, np.arange(len(first) + 1))
     south = np.minimum.reduceat(boxes.bounds_deg[:, 1], begin[:-1])
     north = np.maximum.reduceat(boxes.bounds_deg[:, 3], begin[:-1])

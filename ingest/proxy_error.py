@@ -37,24 +37,23 @@ def box_errors_m(
     """
     error = np.empty(len(groups))
     for g in range(len(groups)):
-        most = _points_to_boxes(groups[g], points[g], box, place, scale[g])
-        error[g] = math.sqrt(
-            _boxes_to_points(groups[g], points[g], box, hint, place, scale[g], most)
-        )
+        real = place[points[g, 0] : points[g, 1]]
+        boxes = slice(groups[g, 0], groups[g, 1])
+        most = _points_to_boxes(real, box[boxes], scale[g])
+        start = hint[boxes] - points[g, 0]
+        error[g] = math.sqrt(_boxes_to_points(real, box[boxes], start, scale[g], most))
     return error
 
 
 @kernel
-def _points_to_boxes(
-    group: Ints, points: Ints, box: Floats, place: Floats, scale: Floats
-) -> float:
+def _points_to_boxes(real: Floats, box: Floats, scale: Floats) -> float:
     most = 0.0
-    for p in range(points[0], points[1]):
+    for p in range(len(real)):
         nearest = np.inf
-        for b in range(group[0], group[1]):
-            x = max(box[b, 0] - place[p, 0], 0.0, place[p, 0] - box[b, 2]) * scale[0]
-            y = max(box[b, 1] - place[p, 1], 0.0, place[p, 1] - box[b, 3]) * scale[1]
-            z = max(box[b, 4] - place[p, 2], 0.0, place[p, 2] - box[b, 5])
+        for b in range(len(box)):
+            x = max(box[b, 0] - real[p, 0], 0.0, real[p, 0] - box[b, 2]) * scale[0]
+            y = max(box[b, 1] - real[p, 1], 0.0, real[p, 1] - box[b, 3]) * scale[1]
+            z = max(box[b, 4] - real[p, 2], 0.0, real[p, 2] - box[b, 5])
             nearest = min(nearest, x * x + y * y + z * z)
             if nearest <= most:
                 break
@@ -64,45 +63,37 @@ def _points_to_boxes(
 
 @kernel
 def _boxes_to_points(
-    group: Ints,
-    points: Ints,
-    box: Floats,
-    hint: Ints,
-    place: Floats,
-    scale: Floats,
-    most: float,
+    real: Floats, box: Floats, start: Ints, scale: Floats, most: float
 ) -> float:
-    """Take points of each box: 5 x 5 on the roof, and the rim half-way up the walls."""
-    for b in range(group[0], group[1]):
-        west, south, east, north = box[b, 0], box[b, 1], box[b, 2], box[b, 3]
-        for i in range(_ROOF + 1):
-            for j in range(_ROOF + 1):
-                lon = west + (east - west) * i / _ROOF
-                lat = south + (north - south) * j / _ROOF
-                most = _farther(lon, lat, box[b, 5], points, hint[b], place, scale, most)
-                if i in (0, _ROOF) or j in (0, _ROOF):
-                    middle = (box[b, 5] + box[b, 6]) / 2
-                    most = _farther(lon, lat, middle, points, hint[b], place, scale, most)
+    """Take points of each box: 5 x 5 on the roof, and its rim half-way up the walls."""
+    for b in range(len(box)):
+        for step in range((_ROOF + 1) ** 2):
+            i, j = step // (_ROOF + 1), step % (_ROOF + 1)
+            lon = box[b, 0] + (box[b, 2] - box[b, 0]) * i / _ROOF
+            lat = box[b, 1] + (box[b, 3] - box[b, 1]) * j / _ROOF
+            top = (lon, lat, box[b, 5])
+            most = _farther(top, real, start[b], scale, most)
+            if i in (0, _ROOF) or j in (0, _ROOF):
+                middle = (lon, lat, (box[b, 5] + box[b, 6]) / 2)
+                most = _farther(middle, real, start[b], scale, most)
     return most
 
 
 @kernel
 def _farther(
-    lon: float, lat: float, height: float, points: Ints, hint: int, place: Floats,
-    scale: Floats, most: float,
-) -> float:  # fmt: skip
-    """Return the larger of `most` and the squared distance to the nearest point."""
+    point: tuple[float, float, float], real: Floats, start: int, scale: Floats, most: float
+) -> float:
+    """Return the larger of `most` and the squared distance to the nearest real point."""
     nearest = np.inf
-    count = points[1] - points[0]
-    p = hint
-    for _ in range(count):
-        x = (place[p, 0] - lon) * scale[0]
-        y = (place[p, 1] - lat) * scale[1]
-        z = place[p, 2] - height
+    p = start
+    for _ in range(len(real)):
+        x = (real[p, 0] - point[0]) * scale[0]
+        y = (real[p, 1] - point[1]) * scale[1]
+        z = real[p, 2] - point[2]
         nearest = min(nearest, x * x + y * y + z * z)
         if nearest <= most:
             return most
         p += 1
-        if p == points[1]:
-            p = points[0]
+        if p == len(real):
+            p = 0
     return nearest

@@ -33,14 +33,12 @@ Source = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class RasterOptions:
-    """What the user states about the rasters of one call."""
+    """What the user states about a raster."""
 
     kind: str = "terrain"
     name: str | None = None
     crs: str | None = None
     datum: str | None = None
-    workers: int = 0
-    """Processes; 0 for one per core"""
 
 
 def silent(done: int, total: int, what: str) -> None:
@@ -49,11 +47,16 @@ def silent(done: int, total: int, what: str) -> None:
 
 def ingest_rasters(
     store: str | Path,
-    paths: Sequence[Path],
-    options: RasterOptions,
+    files: Sequence[tuple[Path, RasterOptions]],
     progress: Progress = silent,
+    workers: int = 0,
 ) -> dict[str, Any]:
     """Read rasters into a store and make the terrain again where they change it.
+
+    Parameters
+    ----------
+    files : each with what the user states about it
+    workers : processes; 0 for one per core
 
     Returns
     -------
@@ -65,7 +68,7 @@ def ingest_rasters(
         Nothing is half-written then: the store is as it was, or was not made.
     """
     start_s = time.perf_counter()
-    planned = [plan(path, options) for path in paths]
+    planned = [plan(path, options) for path, options in files]
     with editing(store) as writer:
         named = {source["name"]: source for source in writer.sources()}
         new = {source["name"]: copy(writer, source, progress) for source in planned}
@@ -73,7 +76,7 @@ def ingest_rasters(
         after = list({**named, **new}.values())
         changed = affected(writer, list(named.values()), before)
         changed += affected(writer, after, list(new.values()))
-        report = rebuild(writer, after, changed, options.workers, progress)
+        report = rebuild(writer, after, changed, workers, progress)
     posts = sum(source["width"] * source["height"] for source in planned)
     sources = [{"name": s["name"], "datum": s.get("datum")} for s in planned]
     counts = {"read": posts, "stored": posts, "merged": 0, "skipped": 0, "repaired": 0}

@@ -139,11 +139,16 @@ class ZoneBuilder:
         return any(has_posts(layer, cell) for layer in finer)
 
     def _leaf_bound_m(self, cell: int) -> float:
-        """A hundredth of the post spacing, but not below half the source's own step."""
+        """A hundredth of the source's post spacing, but not below half its own step.
+
+        A small leaf beside a finer source follows the bend of the surface as closely
+        as an inner cell of its size would.
+        """
         held = [layer for layer in self._mosaic.layers if has_posts(layer, cell)]
+        inner_m = step_m(cell, TEXTURE_SIDE)
         if not held:
-            return step_m(cell, LEAF_SIDE)
-        return max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2)
+            return inner_m
+        return min(inner_m, max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2))
 
 
 def touches(cell: int, boxes: list[Box]) -> bool:

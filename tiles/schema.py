@@ -14,7 +14,8 @@ CREATE TABLE tile(
 CREATE TABLE index_block(
     lane INTEGER NOT NULL,
     root INTEGER NOT NULL,                  -- cell whose subtree it holds
-    body BLOB NOT NULL,
+    body BLOB NOT NULL,                     -- INDEX records
+    checksum INTEGER NOT NULL,              -- of lane, root and body
     PRIMARY KEY(lane, root)) WITHOUT ROWID;
 CREATE TABLE source(
     name TEXT PRIMARY KEY,

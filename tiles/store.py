@@ -36,11 +36,20 @@ class Store:
         self.connection = sqlite3.connect(uri, uri=True, isolation_level=None)
 
     def index(self, lane: Lane) -> NDArray[np.void]:
-        """Return all index records of a lane, (n,) INDEX, sorted by level then cell."""
+        """Return all index records of a lane, (n,) INDEX, sorted by level then cell.
+
+        Raises
+        ------
+        TileFault
+            When an index block is not what was written.
+        """
         rows = self.connection.execute(
-            "SELECT body FROM index_block WHERE lane=? ORDER BY root", (int(lane),)
+            "SELECT root, body, checksum FROM index_block WHERE lane=? ORDER BY root", (int(lane),)
         ).fetchall()
-        parts = [np.frombuffer(body, INDEX) for (body,) in rows]
+        for root, body, check in rows:
+            if checksum(lane, root, body) != check:
+                raise TileFault(lane.name, cells.text(root), "index block's checksum differs")
+        parts = [np.frombuffer(body, INDEX) for _, body, _ in rows]
         records = np.concatenate(parts) if parts else np.zeros(0, INDEX)
         return records[np.lexsort((records["cell"], cells.level(records["cell"])))]
 
@@ -72,6 +81,24 @@ class Store:
         rows = self.connection.execute("SELECT name, kind, details FROM source ORDER BY rank")
         found = [{"name": name, "kind": k, **json.loads(details)} for name, k, details in rows]
         return [source for source in found if kind in {None, source["kind"]}]
+
+    def object_count(self) -> int:
+        """Return the number of stored objects."""
+        return int(self.connection.execute("SELECT COUNT(*) FROM object").fetchone()[0])
+
+    def objects(self, ids: list[int]) -> list[dict[str, Any]]:
+        """Return objects of the object table with their attributes, in the given order."""
+        ask = (
+            "SELECT id, source, lon_deg, lat_deg, base_m, height_m, dimension_m, attributes"
+            " FROM object WHERE id=?"
+        )
+        found = [self.connection.execute(ask, (one,)).fetchone() for one in ids]
+        names = ("id", "source", "lon_deg", "lat_deg", "base_m", "height_m", "dimension_m")
+        return [
+            dict(zip(names, row[:-1], strict=True)) | {"attributes": json.loads(row[-1])}
+            for row in found
+            if row
+        ]
 
     def meta(self, key: str, default: str = "") -> str:
         """Return a value of the meta table."""

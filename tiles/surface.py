@@ -10,6 +10,7 @@ from tiles import cells, terrain
 from tiles.forest import Forest, build_forest
 from tiles.frames import Ecef, Floats
 from tiles.geodesy import to_geodetic
+from tiles.kernels import kernel
 from tiles.lanes import Lane
 from tiles.mesh import UV_ONE
 from tiles.store import Store
@@ -83,25 +84,33 @@ class Surface:
 
 def heights_on(tile: TerrainTile, u: Floats, v: Floats) -> Floats:
     """Interpolate a tile's triangles at fractions of its cell, (n,) m above the ellipsoid."""
-    triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3).astype(np.int64)
-    corner = tile.mesh.vertices["detail"].astype(np.float64)[triangles] / UV_ONE
-    local = tile.mesh.local
-    points = np.empty((len(u), 3))
-    for i, place in enumerate(zip(u, v, strict=True)):
-        which, weights = _locate(corner, np.array(place))
-        points[i] = weights @ local[triangles[which]]
+    triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
+    detail = tile.mesh.vertices["detail"].astype(np.float64) / UV_ONE
+    points = _interpolate(triangles, detail, tile.mesh.local, np.stack([u, v], axis=-1))
     return to_geodetic(Ecef(points + tile.mesh.centre))[2]
 
 
-def _locate(corner: Floats, place: Floats) -> tuple[int, Floats]:
-    """Find the triangle, (t, 3, 2), that holds a place, and the barycentric weights."""
-    a, b, c = corner[:, 0], corner[:, 1], corner[:, 2]
-    area = _cross(b - a, c - a)
-    w0, w1 = _cross(b - place, c - place) / area, _cross(c - place, a - place) / area
-    weights = np.stack([w0, w1, 1.0 - w0 - w1], axis=1)
-    which = int(np.argmax(weights.min(axis=1)))
-    return which, weights[which]
-
-
-def _cross(p: Floats, q: Floats) -> Floats:
-    return np.asarray(p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0])
+@kernel
+def _interpolate(
+    triangles: NDArray[np.uint16], detail: Floats, local: Floats, places: Floats
+) -> Floats:
+    """Return the point of the triangle that holds each place, (n, 3) m."""
+    points = np.zeros((len(places), 3))
+    for i in range(len(places)):
+        x, y = places[i, 0], places[i, 1]
+        best = -np.inf
+        for t in range(len(triangles)):
+            a, b, c = triangles[t]
+            ax, ay = detail[a, 0] - x, detail[a, 1] - y
+            bx, by = detail[b, 0] - x, detail[b, 1] - y
+            cx, cy = detail[c, 0] - x, detail[c, 1] - y
+            w0, w1, w2 = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
+            area = w0 + w1 + w2
+            inside = min(w0, w1, w2) / area
+            if inside > best:
+                best = inside
+                for k in range(3):
+                    points[i, k] = (w0 * local[a, k] + w1 * local[b, k] + w2 * local[c, k]) / area
+                if inside >= 0.0:
+                    break
+    return points

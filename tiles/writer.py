@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles import cells
+from tiles.codec import checksum
 from tiles.index_tree import BLOCK_LEVELS
 from tiles.lanes import Lane
 from tiles.schema import APPLICATION_ID, FORMAT_VERSION, TABLES
@@ -70,8 +71,9 @@ class Writer(Store):
         run("DELETE FROM index_block WHERE lane=?", (int(lane),))
         first = np.flatnonzero(np.r_[True, roots[1:] != roots[:-1]]) if len(roots) else []
         for block, start in zip(np.split(records, first[1:]), first, strict=True):
-            row = (int(lane), int(roots[start]), block.tobytes())
-            run("INSERT INTO index_block VALUES(?,?,?)", row)
+            root, body = int(roots[start]), block.tobytes()
+            row = (int(lane), root, body, checksum(lane, root, body))
+            run("INSERT INTO index_block VALUES(?,?,?,?)", row)
         self._retire(lane, records["row"])
 
     def _retire(self, lane: Lane, named: NDArray[np.int32]) -> None:

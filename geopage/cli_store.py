@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`geopage info`, `geopage check` and `geopage sample`."""
+
+import csv
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geopage.arguments import LAT_LON, Parser, print_json
+from geopage.overview import overview, overview_lines
+from tiles.check import faults_of
+from tiles.errors import InputError
+from tiles.forest import build_forest
+from tiles.lanes import Lane
+from tiles.places import Places
+from tiles.store import Store
+
+
+def info(words: list[str]) -> int:
+    """Say what a store holds."""
+    parser = Parser("info", "Say what a store holds: sources, and cells, bytes, errors a level.")
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    given = parser.read(words)
+    with Store(given.store) as store:
+        found = overview(store)
+    if given.json:
+        print_json(found)
+    else:
+        print("\n".join(overview_lines(found)))
+    return 0
+
+
+def check(words: list[str]) -> int:
+    """Verify a store; 1 when something is wrong with it."""
+    parser = Parser(
+        "check", "Verify every tile's checksum and every invariant; exit 1 when one is broken."
+    )
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    given = parser.read(words)
+    with Store(given.store) as store:
+        faults = list(faults_of(store))
+        count = sum(int((store.index(lane)["row"] > 0).sum()) for lane in Lane) if not faults else 0
+    if given.json:
+        print_json({"ok": not faults, "tiles": count, "faults": faults})
+    else:
+        for fault in faults:
+            print(fault)
+        print(f"{given.store}: {len(faults)} faults" if faults else f"{given.store}: sound, {count} tiles")
+    return 1 if faults else 0
+
+
+def sample(words: list[str]) -> int:
+    """Heights, cells and buildings at places."""
+    parser = Parser(
+        "sample",
+        "Finest height above the ellipsoid, its error bound, linked cells and buildings.",
+        "Points files are CSV with the columns lat_deg,lon_deg; the answers keep their order.",
+    )
+    parser.add_argument("store", type=Path)
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--at", type=LAT_LON, metavar="LAT,LON")
+    where.add_argument("--points", type=Path, metavar="FILE.csv")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    given = parser.read(words)
+    lat_lon = np.array([given.at]) if given.at else read_points(given.points)
+    with Store(given.store) as store:
+        points = Places(store).at(lat_lon[:, 1], lat_lon[:, 0])
+    if given.json:
+        print_json({"points": points})
+    else:
+        for point in points:
+            print(_line(point))
+    return 0
+
+
+def _line(point: dict[str, Any]) -> str:
+    place = f"{point['lat_deg']:.7f},{point['lon_deg']:.7f}"
+    height = f"{point['height_m']:.2f} m +- {point['error_m']:.2f} m"
+    standing = "".join(
+        f"\n  object {o['id']} of {o['source']}: {o['height_m']:.1f} m high {o['attributes']}"
+        for o in point["objects"]
+    )
+    linked = " ".join(point["linked_cells"])
+    return f"{place}  {height}  level {point['level']}  {point['source']}  linked {linked}{standing}"
+
+
+def read_points(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Read a CSV of places.
+
+    Returns
+    -------
+    (n, 2) float64, latitude and longitude, degrees
+
+    Raises
+    ------
+    InputError
+    """
+    if not path.is_file():
+        raise InputError(path, "no such file", "check the path")
+    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+        rows = csv.DictReader(file)
+        if not {"lat_deg", "lon_deg"} <= set(rows.fieldnames or []):
+            raise InputError(path, "lacks lat_deg or lon_deg", "begin with lat_deg,lon_deg")
+        found = []
+        for number, row in enumerate(rows, start=2):
+            try:
+                place = float(row["lat_deg"]), float(row["lon_deg"])
+            except (TypeError, ValueError):
+                place = np.nan, np.nan
+            if not (abs(place[0]) <= 90 and abs(place[1]) <= 360):
+                raise InputError(path, f"line {number} is no place", "give degrees, lat then lon")
+            found.append(place)
+    return np.array(found).reshape(-1, 2)

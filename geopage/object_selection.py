@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What objects one view draws and wants: four named passes over arrays.
+
+visit walks down to every cell that has something large enough on the screen, and says
+for each child whether to go on to it or to draw its proxy. cover walks back up and says
+where the uploaded tiles suffice. emit takes a child where it is covered and its proxy
+where it is not: never both, and never neither while one of them can be drawn. want
+lists the tiles that are missing.
+
+Cells without a tile are passed through. A *held* cell is a finer tile from before, kept
+while the tile with its proxy is on its way.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geopage.screen_error import Lens, px_per_m
+from geopage.tree import F8, U1, Tree
+from tiles.forest import Rows
+from tiles.kernels import kernel
+
+ASK_EARLIER = 1.4
+"""Tiles are asked for at this much more distance than they are drawn at."""
+JUMP_LEVELS = 3
+NOTHING, GO_ON, PROXY = 0, 1, 2
+
+
+class ObjectPlan(NamedTuple):
+    """The cells that visit found, parents before children."""
+
+    rows: Rows
+    scale: F8
+    """pixels per metre in the cell's sphere"""
+    above: Rows
+    """place of the parent in this plan, -1 for roots"""
+    below: NDArray[np.int32]
+    """(m, 4) place of each child in this plan, -1 where it is not in it"""
+    own: U1
+    """own objects are large enough"""
+    go_on: U1
+    """bit k: child k is to be drawn rather than its proxy"""
+    proxies: U1
+    """bit k: the proxy of child k is to be drawn"""
+    held: U1
+
+
+@kernel
+def visit(
+    tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1
+) -> ObjectPlan:
+    """Walk down to everything that is larger than its threshold.
+
+    Parameters
+    ----------
+    tree, lens : the objects and the view
+    tau : largest screen error of proxies, and their smallest size, px
+    object_tau : smallest bounding dimension of objects, px
+    uploaded : (n,) 1 where the tile can be drawn
+    """
+    n = len(tree.parent)
+    rows, above = np.empty(n, np.int32), np.empty(n, np.int32)
+    below, scale = np.empty((n, 4), np.int32), np.empty(n, np.float64)
+    own, go_on = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+    proxies, held = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+    count = 0
+    for root in tree.roots:
+        scale[count] = scale_of(tree, lens, root)
+        if is_seen(tree, root, scale[count], tau, object_tau):
+            rows[count], above[count] = root, -1
+            count += 1
+    i = 0
+    while i < count:
+        row = rows[i]
+        below[i] = -1
+        own[i] = tree.has_tile[row] and tree.own_m[row] * scale[i] > object_tau
+        if held[i]:
+            own[i], proxies[i] = tree.has_tile[row], tree.proxies[row]
+        for k in range(4):
+            child, bit = tree.children[row, k], np.uint8(1 << k)
+            if child < 0 or held[i]:
+                continue
+            scale[count] = scale_of(tree, lens, child)
+            choice = choose(tree, row, k, scale[i], scale[count], tau, object_tau)
+            go_on[i] |= bit if choice == GO_ON else NOTHING
+            proxies[i] |= bit if choice == PROXY else NOTHING
+            held[count] = choice == PROXY and not uploaded[row] and uploaded[child]
+            if choice == GO_ON or held[count]:
+                rows[count], above[count], below[i, k] = child, i, count
+                count += 1
+        i += 1
+    m = count
+    return ObjectPlan(
+        rows[:m].copy(),
+        scale[:m].copy(),
+        above[:m].copy(),
+        below[:m].copy(),
+        own[:m].copy(),
+        go_on[:m].copy(),
+        proxies[:m].copy(),
+        held[:m].copy(),
+    )
+
+
+@kernel
+def choose(  # noqa: PLR0913, PLR0917 (a kernel takes numbers, not objects)
+    tree: Tree,
+    row: int,
+    k: int,
+    scale: float,
+    child_scale: float,
+    tau: float,
+    object_tau: float,
+) -> int:
+    """Say whether child `k` of a cell is drawn itself, by its proxy, or not at all."""
+    proxy = tree.proxies[row] >> k & 1
+    rough = tree.error_m[row] * scale > tau or not proxy
+    if rough and is_seen(tree, tree.children[row, k], child_scale, tau, object_tau):
+        return GO_ON
+    return PROXY if proxy and tree.proxy_m[row] * scale > tau else NOTHING
+
+
+@kernel
+def scale_of(tree: Tree, lens: Lens, row: int) -> float:
+    """Return the pixels per metre in a cell's sphere."""
+    c = tree.centre[row]
+    return float(px_per_m(lens, c[0], c[1], c[2], tree.radius_m[row]))
+
+
+@kernel
+def is_seen(tree: Tree, row: int, scale: float, tau: float, object_tau: float) -> bool:
+    """Say whether anything at or below a cell is large enough on the screen."""
+    return bool(tree.subtree_m[row] * scale > object_tau or tree.proxy_m[row] * scale > tau)
+
+
+@kernel
+def cover_objects(tree: Tree, plan: ObjectPlan, uploaded: U1) -> U1:
+    """Say, (m,), where the uploaded tiles draw all that the plan asks of a cell."""
+    covered = np.zeros(len(plan.rows), np.uint8)
+    for i in range(len(plan.rows) - 1, -1, -1):
+        here = uploaded[plan.rows[i]]
+        enough = here or not plan.own[i]
+        for k in range(4):
+            bit, child = np.uint8(1 << k), plan.below[i, k]
+            below = child >= 0 and covered[child]
+            if plan.go_on[i] & bit:
+                enough = enough and (below or (here and tree.proxies[plan.rows[i]] & bit))
+            elif plan.proxies[i] & bit:
+                enough = enough and (here or below)
+        covered[i] = enough
+    return covered
+
+
+@kernel
+def emit_objects(
+    tree: Tree, plan: ObjectPlan, uploaded: U1, covered: U1
+) -> tuple[Rows, U1, U1, Rows]:
+    """Take children where they are covered and their proxies where they are not.
+
+    Returns
+    -------
+    taken : (d,) places in the plan that draw something
+    own : (d,) 1 where own objects are drawn
+    proxies : (d,) bit k: the proxy of child k is drawn
+    stand : (m,) place whose tile draws a proxy for the cell, -1 where none does
+    """
+    m = len(plan.rows)
+    taken, stand = np.empty(m, np.int32), np.full(m, -1, np.int32)
+    own, proxies = np.empty(m, np.uint8), np.empty(m, np.uint8)
+    count = 0
+    for i in range(m):
+        here = uploaded[plan.rows[i]]
+        bits = proxies_instead(tree, plan, i, covered) if here and stand[i] < 0 else NOTHING
+        for k in range(4):
+            child = plan.below[i, k]
+            if child >= 0:
+                stand[child] = i if bits >> k & 1 else stand[i]
+        if stand[i] < 0 and here and (plan.own[i] or bits):
+            taken[count], own[count], proxies[count] = i, plan.own[i], bits
+            count += 1
+    return taken[:count].copy(), own[:count].copy(), proxies[:count].copy(), stand
+
+
+@kernel
+def proxies_instead(tree: Tree, plan: ObjectPlan, i: int, covered: U1) -> int:
+    """Return bit k for each child that its proxy in an uploaded tile is drawn for."""
+    bits = np.int64(plan.proxies[i])
+    for k in range(4):
+        if plan.go_on[i] >> k & 1 and not covered[plan.below[i, k]]:
+            bits |= 1 << k
+    return int(bits & np.int64(tree.proxies[plan.rows[i]]))
+
+
+@kernel
+def want_objects(
+    tree: Tree, lens: Lens, plan: ObjectPlan, uploaded: U1, covered: U1, stand: Rows
+) -> tuple[Rows, F8, F8]:
+    """List the tiles that are missing, and what each would gain.
+
+    Returns
+    -------
+    rows : (w,) int32
+    benefit : (w,) px of screen error, times px of area, removed for each byte read
+    error_px : (w,) screen error of what is drawn there now
+    """
+    m = len(plan.rows)
+    rows, gap = np.empty(m, np.int32), np.zeros(m, np.int32)
+    benefit, error_px = np.empty(m, np.float64), np.empty(m, np.float64)
+    count = 0
+    for i in range(m):
+        row, parent = plan.rows[i], plan.above[i]
+        gap[i] = JUMP_LEVELS if parent < 0 else gap[parent] + 1
+        if uploaded[row] or not tree.has_tile[row] or plan.held[i]:
+            gap[i] = 0 if uploaded[row] else gap[i]
+            continue
+        between = not covered[i] and tree.proxies[row] and gap[i] >= JUMP_LEVELS
+        if not (plan.own[i] or plan.proxies[i] or between):
+            continue
+        gap[i] = 0
+        now_m = max(tree.subtree_m[row], tree.proxy_m[row])
+        now_px = now_m * plan.scale[i]
+        if stand[i] >= 0:
+            now_px = tree.error_m[plan.rows[stand[i]]] * plan.scale[stand[i]]
+        left_px = tree.error_m[row] * plan.scale[i] if tree.proxies[row] else 0.0
+        rows[count] = row
+        error_px[count] = min(now_px, lens.width_px + lens.height_px)
+        reach_px = tree.radius_m[row] * plan.scale[i]
+        area_px = min(math.pi * reach_px * reach_px, lens.width_px * lens.height_px)
+        removed_px = max(error_px[count] - left_px, 0.0)
+        benefit[count] = removed_px * area_px / max(tree.tile_bytes[row], 1)
+        count += 1
+    return rows[:count].copy(), benefit[:count].copy(), error_px[:count].copy()

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pager: views go in, draw lists and tiles to upload come out.
+
+The caller's thread renders; it never waits here. Five threads do the rest, or `step`
+does it all, once, in the caller's thread and by the caller's clock. `THREADS.md` says
+who owns what.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from geopage.draw_list import DrawList
+from geopage.exchange import Exchange, Upload
+from geopage.handoff import Signal, ViewSlot
+from geopage.manager import TileManager
+from geopage.priority_queue import PriorityQueue
+from geopage.residency import Residency
+from geopage.scene import REST_S, SceneManager, World, empty_list
+from geopage.selection import Thresholds, trees_of, warm_up
+from geopage.server import TileServer
+from geopage.settings import PagerSettings
+from geopage.source import Line, StoreSource, ThrottledSource, TileSource
+from geopage.tile_state import State
+from geopage.tree import tree_bytes
+from geopage.view import ViewState
+from tiles import objects, terrain
+from tiles.forest import build_forest
+from tiles.frames import Ecef
+from tiles.lanes import Lane
+from tiles.store import Store
+
+SCENE_PERIOD_S = 1 / 60
+LEAST_PAUSE_S = 2e-3
+SWITCH_INTERVAL_S = 1e-4
+CLOSE_S = 2.0
+_DECODE: dict[Lane, Callable[[bytes], object]] = {
+    Lane.TERRAIN: terrain.decode,
+    Lane.OBJECTS: objects.decode,
+}
+
+
+class Pager:
+    """Pages the tiles of one store for one renderer.
+
+    Parameters
+    ----------
+    store_path : path of a .geopage file
+    settings : thresholds, budget, throttle
+    """
+
+    def __init__(
+        self, store_path: str | Path, settings: PagerSettings | None = None
+    ) -> None:
+        self.settings = settings = settings or PagerSettings()
+        with Store(store_path) as store:
+            self.forests = {lane: build_forest(store.index(lane)) for lane in Lane}
+        trees = trees_of(self.forests)
+        limits = Thresholds(settings.threshold_px, settings.objects_px)
+        self.faults: list[str] = []
+        self._signal = Signal()
+        self._views = ViewSlot(self._signal)
+        self._queue = PriorityQueue(
+            {lane: len(tree.parent) for lane, tree in trees.items()}
+        )
+        self._residency = Residency(trees, self._queue, settings.budget_bytes)
+        self._residency.charge_index(
+            sum(f.nbytes + tree_bytes(trees[lane], f) for lane, f in self.forests.items())
+            + self._queue.nbytes
+        )
+        self._managers = {
+            lane: TileManager(lane, self._queue, self._residency, self._signal)
+            for lane in Lane
+        }
+        self._exchange = Exchange(trees, self._queue, self._residency, self._signal)
+        world = World(self.forests, trees, limits)
+        self._scene = SceneManager(
+            world, self._views, self._signal, self._residency, self._managers
+        )
+        warm_up()
+        self._servers = self._make_servers(Path(store_path))
+        nowhere = ViewState(0.0, Ecef(np.zeros(3)), np.eye(3), 1.0, 1, 1)
+        self._first = empty_list(nowhere, limits)
+        self._closed = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._error: BaseException | None = None
+        self._interval_s = 0.0
+        self.wake_ups: dict[str, int] = {}
+        """How often each thread has had something to do."""
+
+    def _make_servers(self, path: Path) -> dict[Lane, TileServer]:
+        throttle = self.settings.throttle
+        line = Line(throttle) if throttle else None
+        servers = {}
+        for lane in Lane:
+            source: TileSource = StoreSource(path, lane)
+            if line:
+                source = ThrottledSource(source, line)
+            servers[lane] = TileServer(
+                lane,
+                self.forests[lane].records,
+                source,
+                _DECODE[lane],
+                self._queue,
+                self._residency,
+                self.faults,
+            )
+        return servers
+
+    # What the renderer calls, in its own thread. None of these waits.
+
+    def view(self, view: ViewState) -> None:
+        """Say where the eye is now. Raises what a thread has raised."""
+        self._raise()
+        self._views.publish(view)
+
+    def draw_list(self) -> DrawList:
+        """Return the newest complete draw list; number 0 before all zones are there."""
+        self._raise()
+        return self._scene.lists.take() or self._first
+
+    def take_uploads(self, max_bytes: int) -> list[Upload]:
+        """Return decoded tiles, best rank first, of at most `max_bytes` (but one at least).
+
+        Each must be answered by `uploaded`. Tiles that nobody wants any more are dropped.
+        """
+        return self._exchange.take_uploads(max_bytes)
+
+    def uploaded(self, lane: Lane, row: int) -> None:
+        """Say that a tile can be drawn."""
+        self._exchange.say(State.UPLOADED, lane, row)
+
+    def releases(self, list_number: int) -> list[tuple[Lane, int]]:
+        """Return the tiles that may be freed once list `list_number` is on the screen.
+
+        Each must be answered by `released`.
+        """
+        return self._exchange.releases(list_number)
+
+    def released(self, lane: Lane, row: int) -> None:
+        """Say that a tile's slot is free."""
+        self._exchange.say(State.ABSENT, lane, row)
+
+    def prime(self, upload: Callable[[Upload], None], max_bytes: int = 2**26) -> DrawList:
+        """Load and upload until the first draw list is there, before the first frame.
+
+        A view must have been given. With threads running it waits for them.
+        """
+        while not (first := self.draw_list()).number:
+            if self._threads:
+                self._closed.wait(1e-3)
+            else:
+                self.step(time.monotonic())
+            for item in self.take_uploads(max_bytes):
+                upload(item)
+                self.uploaded(item.lane, item.row)
+        return first
+
+    # What there is to know.
+
+    @property
+    def settled(self) -> bool:
+        """Whether the newest view has all that it wants, and nothing is on its way."""
+        newest = self._scene.lists.peek()
+        idle = not (self._signal.raised or self._residency.in_flight)
+        return newest is not None and newest.settled and idle
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Totals: tiles_loaded, bytes_read, tiles_cancelled, tiles_late, tiles_unused."""
+        counted = self._residency.counters.as_dict()
+        counted["tiles_unused"] += self._residency.unused_now()
+        return counted
+
+    @property
+    def message(self) -> str:
+        """One line while memory is too short for the threshold, else empty."""
+        return self._scene.pressure.message
+
+    def memory(self) -> dict[str, int]:
+        """Return budget, index, resident, uploaded, in flight and peak, in bytes."""
+        return self._residency.memory()
+
+    # How it runs.
+
+    def step(self, now_s: float) -> bool:
+        """Do everything once, without threads; say whether anything was done."""
+        if self._threads:
+            raise RuntimeError("step: expected a pager without threads, got a started one")
+        done = self._scene.step(now_s)
+        for manager in self._managers.values():
+            manager.step()
+        waits = [server.step(now_s) for server in self._servers.values()]
+        return done or any(wait_s is not None for wait_s in waits)
+
+    def start(self) -> None:
+        """Start the five threads."""
+        for server in self._servers.values():
+            server.source.close()  # opened by `step`; each thread opens its own
+        self._interval_s = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        jobs: dict[str, Callable[[str], None]] = {"scene-manager": self._run_scene}
+        for lane in Lane:
+            jobs[f"{lane.name.lower()}-manager"] = partial(self._run_manager, lane)
+            jobs[f"{lane.name.lower()}-server"] = partial(self._run_server, lane)
+        self.wake_ups = dict.fromkeys(jobs, 0)
+        self._threads = [
+            threading.Thread(target=self._guard, args=job, name=job[0], daemon=True)
+            for job in jobs.items()
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _guard(self, name: str, job: Callable[[str], None]) -> None:
+        """Run a thread's job; what it raises, the caller's next call raises."""
+        try:
+            job(name)
+        except BaseException as error:
+            self._error = self._error or error
+            self._stop()
+
+    def _run_scene(self, name: str) -> None:
+        while True:
+            # While the view moves, one more step says whether it has come to rest.
+            self._signal.wait(REST_S if self._scene.moving else None)
+            if self._closed.is_set():
+                return
+            self.wake_ups[name] += 1
+            start_s = time.monotonic()
+            self._scene.step(start_s)
+            left_s = SCENE_PERIOD_S - (time.monotonic() - start_s)
+            self._closed.wait(max(left_s, LEAST_PAUSE_S))
+
+    def _run_manager(self, lane: Lane, name: str) -> None:
+        while self._managers[lane].signal.wait():
+            self.wake_ups[name] += 1
+            self._managers[lane].step()
+
+    def _run_server(self, lane: Lane, name: str) -> None:
+        server = self._servers[lane]
+        try:
+            while not self._closed.is_set():
+                wait_s = server.step(time.monotonic())
+                if wait_s is None:
+                    self._queue.wait(lane)
+                    self.wake_ups[name] += 1
+                elif wait_s > 0:
+                    self._closed.wait(wait_s)
+        finally:
+            server.source.close()
+
+    def _raise(self) -> None:
+        if self._error is not None:
+            raise self._error
+
+    def _stop(self) -> None:
+        self._closed.set()
+        self._queue.close()
+        self._signal.close()
+        for manager in self._managers.values():
+            manager.signal.close()
+
+    def close(self) -> None:
+        """Stop the threads, in less than two seconds, and close the store."""
+        self._stop()
+        until_s = time.monotonic() + CLOSE_S
+        for thread in self._threads:
+            thread.join(max(until_s - time.monotonic(), 0.0))
+        if self._threads:
+            sys.setswitchinterval(self._interval_s)
+        else:
+            for server in self._servers.values():
+                server.source.close()
+        self._threads = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()

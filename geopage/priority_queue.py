@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one queue of page requests that both lanes share.
+
+Invariant: a row is pending at most once, and never between `pop` and `done`.
+
+It knows lanes and rows, not tiles. A manager replaces its lane's requests as a whole,
+because every rank changes with every view; servers pop. Waiting ends when a request of
+the lane becomes pending or the queue is closed, so a static view wakes nobody.
+"""
+
+import threading
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geopage.tree import F8, U1
+from tiles.forest import Rows
+from tiles.lanes import Lane
+
+
+class _Requests:
+    """One lane's requests; the queue's lock protects them."""
+
+    def __init__(self, count: int) -> None:
+        self.generation = 0
+        self.wanted = np.zeros(count, np.int64)
+        """(n,) generation that last wanted the row"""
+        self.rank = np.full(count, np.inf)
+        self.taken: U1 = np.zeros(count, np.uint8)
+        self.pending: Rows = np.zeros(0, np.int32)
+        self.next = 0
+
+    @property
+    def length(self) -> int:
+        return len(self.pending) - self.next
+
+
+class PriorityQueue:
+    """Pending requests of both lanes, best rank first. Thread: any."""
+
+    def __init__(self, counts: Mapping[Lane, int]) -> None:
+        self._lanes = {lane: _Requests(count) for lane, count in counts.items()}
+        self._changed = threading.Condition()
+        self._closed = False
+
+    def replace_lane(self, lane: Lane, rows: Rows, ranks: F8) -> Rows:
+        """Make these the lane's requests and return the rows that are cancelled.
+
+        Parameters
+        ----------
+        lane : Lane
+        rows : (w,) each row once; rows that are taken stay wanted but not pending
+        ranks : (w,) smaller is sooner
+        """
+        order = np.argsort(ranks, kind="stable")
+        rows, ranks = rows[order], ranks[order]
+        with self._changed:
+            state = self._lanes[lane]
+            state.generation += 1
+            state.wanted[rows] = state.generation
+            state.rank[rows] = ranks
+            old = state.pending[state.next :]
+            state.pending, state.next = rows[state.taken[rows] == 0], 0
+            if state.length:
+                self._changed.notify_all()
+            return np.asarray(old[state.wanted[old] != state.generation])
+
+    def pop(self, lane: Lane) -> int | None:
+        """Take the lane's best request, or None; the row is taken until `done`."""
+        with self._changed:
+            state = self._lanes[lane]
+            if self._closed or not state.length:
+                return None
+            row = int(state.pending[state.next])
+            state.next += 1
+            state.taken[row] = 1
+            return row
+
+    def done(self, lane: Lane, row: int) -> None:
+        """Let a taken row be asked for again: it was dropped, or its tile is gone."""
+        with self._changed:
+            self._lanes[lane].taken[row] = 0
+
+    def is_wanted(self, lane: Lane, row: int) -> bool:
+        """Say whether the lane's newest requests hold the row, pending or taken."""
+        state = self._lanes[lane]
+        return bool(state.wanted[row] == state.generation)
+
+    def rank(self, lane: Lane, row: int) -> float:
+        """Return the newest rank of a row, infinity when it is not wanted."""
+        return float(self._lanes[lane].rank[row]) if self.is_wanted(lane, row) else np.inf
+
+    def taken(self, lane: Lane, rows: Rows) -> NDArray[np.bool_]:
+        """Say which rows are taken, (w,)."""
+        return np.asarray(self._lanes[lane].taken[rows] > 0)
+
+    def pending(self, lane: Lane) -> int:
+        """Return the number of pending requests of a lane."""
+        return self._lanes[lane].length
+
+    def wait(self, lane: Lane, timeout_s: float | None = None) -> bool:
+        """Wait until a request of the lane is pending; False when closed or too late."""
+        with self._changed:
+            state = self._lanes[lane]
+            self._changed.wait_for(lambda: self._closed or state.length > 0, timeout_s)
+            return not self._closed and state.length > 0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the tables over all rows."""
+        tables = self._lanes.values()
+        return sum(t.wanted.nbytes + t.rank.nbytes + t.taken.nbytes for t in tables)
+
+    def close(self) -> None:
+        """Wake everybody; nothing is handed out any more."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene manager: the newest view becomes a draw list and two lists of wants."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geopage.benefit import merged_ranks
+from geopage.draw_list import DrawList
+from geopage.handoff import Signal, TripleBuffer, ViewSlot
+from geopage.manager import PageRequests, TileManager
+from geopage.prediction import AHEAD, Motion, ground_under, motion_of, predict
+from geopage.pressure import MemoryPressure
+from geopage.residency import Residency
+from geopage.screen_error import lens_of
+from geopage.selection import Flags, Selection, Thresholds, Wants, select
+from geopage.tree import Tree
+from geopage.view import ViewState
+from tiles.forest import Forest, Rows
+from tiles.lanes import Lane
+
+REST_S = 0.3
+"""A view that nobody replaces for so long has come to rest."""
+Later = list[tuple[float, Selection]]
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """What is selected from; does not change while a pager lives."""
+
+    forests: Mapping[Lane, Forest]
+    trees: Mapping[Lane, Tree]
+    limits: Thresholds
+
+
+class SceneManager:
+    """Selects for the newest view and for predicted ones. Thread: scene manager."""
+
+    def __init__(
+        self,
+        world: World,
+        views: ViewSlot,
+        signal: Signal,
+        residency: Residency,
+        managers: Mapping[Lane, TileManager],
+    ) -> None:
+        self.lists: TripleBuffer[DrawList | None] = TripleBuffer(None)
+        room_bytes = residency.budget_bytes - residency.index_bytes - residency.pinned_bytes
+        self.pressure = MemoryPressure(room_bytes)
+        self._world = world
+        self._views = views
+        self._signal = signal
+        self._residency = residency
+        self._managers = managers
+        self._previous: Selection | None = None
+        self._newest: ViewState | None = None
+        self._newest_s = 0.0
+        self.moving = False
+
+    def step(self, now_s: float) -> bool:
+        """Publish a draw list for the newest view, if anything has changed.
+
+        Parameters
+        ----------
+        now_s : any clock; a view that is not replaced for `REST_S` has come to rest
+        """
+        stopped = self.moving and now_s - self._newest_s >= REST_S
+        if not (self._signal.clear() or stopped):
+            return False
+        if not (history := self._views.history()):
+            return False
+        view = history[-1]
+        if view is not self._newest:
+            self._newest, self._newest_s, stopped = view, now_s, False
+        motion = None if stopped else self._motion(history)
+        self.moving = motion is not None
+        number, uploaded = self._residency.snapshot()
+        limits = self._world.limits.times(self.pressure.factor)
+        chosen = self._choose(view, motion, uploaded, limits)
+        later = self._look_ahead(view, motion, uploaded, limits)
+        self._book(number, chosen, later)
+        waiting = self._request(chosen, later)
+        adjusted = self.pressure.update(chosen.needed_bytes, view)
+        settled = not (waiting or adjusted or motion or self._residency.in_flight)
+        if self._has_globe(uploaded):
+            self._book_drawn(chosen)
+            self.lists.publish(chosen.draw_list(number, view, limits, settled=settled))
+        self._views.rest(None if motion else view)
+        if adjusted:
+            self._signal.set()
+        return True
+
+    def _choose(
+        self, view: ViewState, motion: Motion | None, uploaded: Flags, limits: Thresholds
+    ) -> Selection:
+        # Stuck: finer tiles from before fill the memory that the coarser ones need.
+        stuck = any(self._residency.stuck.values())
+        refined = None if stuck or self._previous is None else self._previous.refined
+        lens = lens_of(view, motion.turn_rad_s if motion else 0.0)
+        self._previous = select(self._world.trees, lens, uploaded, limits, refined)
+        return self._previous
+
+    def _look_ahead(
+        self, view: ViewState, motion: Motion | None, uploaded: Flags, limits: Thresholds
+    ) -> Later:
+        if motion is None:
+            return []
+        trees = self._world.trees
+        lenses = [(weight, lens_of(predict(view, motion, t_s))) for t_s, weight in AHEAD]
+        return [(weight, select(trees, lens, uploaded, limits)) for weight, lens in lenses]
+
+    def _motion(self, history: Sequence[ViewState]) -> Motion | None:
+        ground_m = ground_under(self._world.forests[Lane.TERRAIN], history[-1].eye)
+        return motion_of(history, ground_m)
+
+    def _book(self, number: int, chosen: Selection, later: Later) -> None:
+        """Tell the residency what this list uses; predictions count as one list older."""
+        for lane in Lane:
+            self._residency.used(lane, chosen.keep[lane], number)
+            for _, ahead in later:
+                self._residency.used(lane, ahead.keep[lane], number - 1)
+
+    def _book_drawn(self, chosen: Selection) -> None:
+        for lane, rows in ((Lane.TERRAIN, chosen.terrain), (Lane.OBJECTS, chosen.objects)):
+            wants = chosen.wants[lane]
+            self._residency.drew(lane, rows, wants.rows[wants.now])
+
+    def _request(self, chosen: Selection, later: Later) -> bool:
+        """Hand each lane's wants to its manager; say whether there are any."""
+        waiting = False
+        for lane, manager in self._managers.items():
+            ahead = [(weight, self._possible(lane, s.wants[lane])) for weight, s in later]
+            now = self._possible(lane, chosen.wants[lane])
+            manager.inbox.publish(PageRequests(*merged_ranks(now, ahead)))
+            manager.signal.set()
+            waiting |= len(now.rows) > 0
+        return waiting
+
+    def _possible(self, lane: Lane, wants: Wants) -> Wants:
+        """Leave out tiles that have failed."""
+        possible = ~self._residency.failed(lane, wants.rows)
+        if possible.all():
+            return wants
+        rows, benefit = wants.rows[possible], wants.benefit[possible]
+        return Wants(rows, benefit, wants.error_px[possible], wants.now[possible])
+
+    def _has_globe(self, uploaded: Flags) -> bool:
+        """Say whether all zones can be drawn, as far as they can be had at all."""
+        roots: Rows = self._world.trees[Lane.TERRAIN].roots
+        there = uploaded[Lane.TERRAIN][roots] > 0
+        return bool(np.all(there | self._residency.failed(Lane.TERRAIN, roots)))
+
+
+def empty_list(view: ViewState, limits: Thresholds) -> DrawList:
+    """Return the list before the first one, number 0."""
+    rows, bits = np.zeros(0, np.int32), np.zeros(0, np.uint8)
+    no, none_m = np.zeros(0, np.bool_), np.zeros(0, np.float32)
+    both = limits.terrain_px, limits.objects_px
+    return DrawList(0, view, rows, none_m, no, rows, no, bits, *both, settled=False)

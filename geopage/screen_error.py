@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many pixels a metre can take on the screen, anywhere in a bounding sphere.
+
+On the view axis this is exactly focal / d, d being the distance to the sphere's near
+side, so that an object of size s passes the threshold tau at d = s f / tau. Elsewhere
+it is a bound: a length across the ray at angle a from the axis is stretched by
+1 / cos(a)**2, and no point of the sphere that the picture shows is nearer, along the
+axis, than the depth used here. An eye inside the sphere gives a huge number.
+
+What the picture does not show still counts, so that a turned head finds something:
+1/8 outside a cone around the axis, 1/32 behind the planet.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geopage.view import ViewState
+from tiles.frames import WGS84_B_M
+from tiles.kernels import kernel
+
+NEAR_M = 1e-3
+OUTSIDE = 1 / 8
+HIDDEN = 1 / 32
+CONE_MARGIN_RAD = 0.1
+TURN_AHEAD_S = 0.5
+LOWEST_M = 11_500.0
+
+
+class Lens(NamedTuple):
+    """A view as the kernels take it."""
+
+    eye: NDArray[np.float64]
+    """(3,) ECEF m"""
+    forward: NDArray[np.float64]
+    """(3,) unit"""
+    focal_px: float
+    corner_cos: float
+    """cosine of the angle between the axis and the picture's corner"""
+    cone_cos: float
+    cone_sin: float
+    """of half the angle of the cone outside of which detail counts 1/8"""
+    occluder_m: float
+    """radius of a sphere that lies inside the planet everywhere"""
+    width_px: float
+    height_px: float
+
+
+def lens_of(view: ViewState, turn_rad_s: float = 0.0, lowest_m: float = -LOWEST_M) -> Lens:
+    """Return the lens of a view.
+
+    Parameters
+    ----------
+    view : ViewState
+    turn_rad_s : how fast the view turns; the cone widens by half a second of it
+    lowest_m : no surface lies lower than this height above the ellipsoid
+    """
+    corner = math.acos(min(1.0, view.corner_cos))
+    half = min(corner + CONE_MARGIN_RAD + TURN_AHEAD_S * turn_rad_s, math.pi)
+    return Lens(
+        np.array(view.eye, np.float64),
+        np.array(view.forward, np.float64),
+        float(view.focal_px),
+        float(view.corner_cos),
+        math.cos(half),
+        math.sin(half),
+        WGS84_B_M + min(lowest_m, 0.0),
+        float(view.width_px),
+        float(view.height_px),
+    )
+
+
+@kernel
+def px_per_m(lens: Lens, x: float, y: float, z: float, radius_m: float) -> float:
+    """Return the most pixels that a metre takes in a sphere around (x, y, z)."""
+    x, y, z = x - lens.eye[0], y - lens.eye[1], z - lens.eye[2]
+    away = math.sqrt(x * x + y * y + z * z)
+    near = max(away - radius_m, NEAR_M)
+    along = x * lens.forward[0] + y * lens.forward[1] + z * lens.forward[2]
+    cosine = min(1.0, max(along / max(away, NEAR_M), lens.corner_cos))
+    depth = max(along - radius_m, near * lens.corner_cos)
+    scale = lens.focal_px / min(near * cosine * cosine, depth)
+    if is_hidden(lens, x, y, z, radius_m):
+        return float(scale * HIDDEN)
+    aside = math.sqrt(max(away * away - along * along, 0.0))
+    if aside * lens.cone_cos - along * lens.cone_sin > radius_m:
+        return float(scale * OUTSIDE)
+    return float(scale)
+
+
+@kernel
+def is_hidden(lens: Lens, x: float, y: float, z: float, radius_m: float) -> bool:
+    """Say whether the planet hides a whole sphere; x, y, z are relative to the eye."""
+    ex, ey, ez = lens.eye[0], lens.eye[1], lens.eye[2]
+    up = math.sqrt(ex * ex + ey * ey + ez * ez)
+    if up <= lens.occluder_m:
+        return False
+    along = -(x * ex + y * ey + z * ez) / up
+    sine = lens.occluder_m / up
+    if along - radius_m <= up * (1.0 - sine * sine):
+        return False
+    aside = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0))
+    return bool(along * sine - aside * math.sqrt(1.0 - sine * sine) > radius_m)
+
+
+def px_per_m_of(
+    lens: Lens, centre: NDArray[np.float64], radius_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Do the same for (n, 3) centres and (n,) radii, in numpy: the kernels' oracle."""
+    offset = centre - lens.eye
+    away = np.linalg.norm(offset, axis=1)
+    near = np.maximum(away - radius_m, NEAR_M)
+    along = offset @ lens.forward
+    cosine = np.clip(along / np.maximum(away, NEAR_M), lens.corner_cos, 1.0)
+    depth = np.maximum(along - radius_m, near * lens.corner_cos)
+    scale = lens.focal_px / np.minimum(near * cosine**2, depth)
+    aside = np.sqrt(np.maximum(away**2 - along**2, 0.0))
+    outside = aside * lens.cone_cos - along * lens.cone_sin > radius_m
+    weight = np.where(outside, OUTSIDE, 1.0)
+    return np.asarray(scale * np.where(_hidden(lens, offset, radius_m), HIDDEN, weight))
+
+
+def _hidden(
+    lens: Lens, offset: NDArray[np.float64], radius_m: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    up = float(np.linalg.norm(lens.eye))
+    if up <= lens.occluder_m:
+        return np.zeros(len(offset), np.bool_)
+    along = offset @ (-lens.eye / up)
+    sine = lens.occluder_m / up
+    aside = np.sqrt(np.maximum((offset**2).sum(axis=1) - along**2, 0.0))
+    beyond = along - radius_m > up * (1.0 - sine**2)
+    return np.asarray(beyond & (along * sine - aside * math.sqrt(1.0 - sine**2) > radius_m))

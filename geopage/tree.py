@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A lane's forest as the contiguous arrays that the selection's kernels walk."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiles import cells
+from tiles.forest import Forest, Rows
+from tiles.lanes import Lane
+
+F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
+U1 = NDArray[np.uint8]
+
+
+class Tree(NamedTuple):
+    """Arrays over the rows of one forest; a tuple, because kernels take tuples."""
+
+    roots: Rows
+    """(r,) rows without a parent, ascending"""
+    level: NDArray[np.int16]
+    parent: Rows
+    children: Rows
+    """(n, 4) SW, SE, NW, NE, -1 where there is none"""
+    links: Rows
+    """(n, 4) deepest row that covers the neighbour to the S, E, N, W"""
+    centre: F8
+    """(n, 3) bounding sphere's centre, ECEF m"""
+    radius_m: F8
+    error_m: F4
+    """what the threshold is held against: terrain mesh or texel, worst proxy of objects"""
+    mesh_error_m: F4
+    """error of the drawn surface alone, for skirts"""
+    own_m: F4
+    subtree_m: F4
+    proxy_m: F4
+    """bounding dimensions: own objects, objects at or below, proxies at or below"""
+    tile_bytes: NDArray[np.int64]
+    """stored size"""
+    memory_bytes: NDArray[np.int64]
+    """what the tile takes when it is decoded or uploaded"""
+    has_tile: U1
+    proxies: U1
+    """bit k: the tile has a proxy for child k"""
+
+
+def tree_of(forest: Forest, lane: Lane) -> Tree:
+    """Copy what kernels need out of a forest's index records."""
+    records = forest.records
+    has_tile = (records["row"] > 0).astype(np.uint8)
+    error_m = records["error_m"].astype(np.float32)
+    texel_m = records["texel_m"] if lane is Lane.TERRAIN else np.float32(0)
+    selected_m = np.maximum(error_m, texel_m)
+    return Tree(
+        np.flatnonzero(forest.parent < 0).astype(np.int32),
+        np.asarray(cells.level(records["cell"])).astype(np.int16),
+        np.ascontiguousarray(forest.parent),
+        np.ascontiguousarray(forest.children),
+        np.ascontiguousarray(forest.links),
+        np.ascontiguousarray(forest.centre),
+        np.ascontiguousarray(forest.radius_m),
+        selected_m.astype(np.float32),
+        error_m,
+        records["own_dimension_m"].astype(np.float32),
+        records["subtree_dimension_m"].astype(np.float32),
+        records["proxy_dimension_m"].astype(np.float32),
+        records["tile_bytes"].astype(np.int64),
+        records["memory_bytes"].astype(np.int64),
+        has_tile,
+        _proxies(forest) * has_tile,
+    )
+
+
+def _proxies(forest: Forest) -> U1:
+    """Say which children have a proxy in the cell's tile.
+
+    An index without this mask has none where no error is stated, and else one for
+    each child, which is how the object pyramid is built.
+    """
+    records = forest.records
+    if "proxies" in (records.dtype.names or ()):
+        return records["proxies"].astype(np.uint8)
+    bits = (forest.children >= 0) @ np.array((1, 2, 4, 8), np.uint8)
+    return np.where(records["error_m"] > 0, bits, 0).astype(np.uint8)
+
+
+def tree_bytes(tree: Tree, forest: Forest) -> int:
+    """Return the bytes that a tree adds to those of its forest."""
+    held = (forest.parent, forest.children, forest.links, forest.centre, forest.radius_m)
+    return sum(a.nbytes for a in tree if not any(a is array for array in held))

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`geopage ingest` and `geopage remove`."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from ingest.buildings import BuildingOptions, ingest_buildings, rebuild_objects
+from ingest.grounding import Ground
+from ingest.heights import HeightRules
+from ingest.sample_world import ingest_earth
+from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
+from tiles.errors import InputError
+from tiles.lanes import Lane
+from tiles.store import Store
+from tiles.surface import Surface
+
+QUIET_S = 1.0
+"""A stage shorter than this shows no bar."""
+
+
+class Bars:
+    """Progress of one stage after another, as bars on stderr."""
+
+    def __init__(self) -> None:
+        self._what = ""
+        self._bar: Any = None
+
+    def __call__(self, done: int, total: int, what: str) -> None:
+        """Show that `done` of `total` steps of a stage are done."""
+        if what != self._what:
+            self.close()
+            self._what = what
+            self._bar = tqdm(total=total, desc=what, delay=QUIET_S, file=sys.stderr, leave=True)
+        self._bar.total = total
+        self._bar.update(done - self._bar.n)
+
+    def close(self) -> None:
+        """End the last bar."""
+        if self._bar is not None:
+            self._bar.close()
+
+
+def ingest(words: list[str]) -> int:
+    """Read elevation models, pictures or footprints into a store."""
+    given = parser_of_ingest().parse_args(words)
+    bars = Bars()
+    fresh = not given.store.exists()
+    start_s = time.perf_counter()
+    try:
+        check_inputs(given)
+        if fresh and not given.bare:
+            ingest_earth(given.store, bars)
+        report = given.run(given, bars)
+    except InputError:
+        if fresh:
+            discard(given.store)
+        raise
+    finally:
+        bars.close()
+    report["seconds"] = round(time.perf_counter() - start_s, 2)
+    show(report, as_json=given.json)
+    return 1 if given.strict and report["skipped"] else 0
+
+
+def check_inputs(given: argparse.Namespace) -> None:
+    """Refuse missing files and a broken store before anything is made."""
+    for path in given.sources:
+        if not path.exists():
+            raise InputError(path, "no such file", "check the path")
+    if given.store.exists():
+        Store(given.store).close()
+    elif not given.store.parent.is_dir():
+        raise InputError(given.store, "its folder does not exist", "make the folder first")
+
+
+def discard(store: Path) -> None:
+    """Take away a new store whose ingest was refused: nothing is left half-written."""
+    for tail in ("", "-wal", "-shm"):
+        Path(f"{store}{tail}").unlink(missing_ok=True)
+
+
+def show(report: dict[str, Any], *, as_json: bool) -> None:
+    """Print a report: one JSON object, or lines for people."""
+    if as_json:
+        sys.stdout.write(json.dumps(report) + "\n")
+        return
+    for key, value in report.items():
+        if value not in ({}, [], None):
+            print(f"{key.replace('_', ' ')}: {value}")
+
+
+def terrain(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
+    """Ingest elevation models, then ground the buildings again."""
+    files = [
+        (path, RasterOptions("terrain", given.name, given.crs, given.datum))
+        for path in given.sources
+    ]
+    return rasters(given, files, bars)
+
+
+def imagery(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
+    """Ingest pictures."""
+    files = [(path, RasterOptions("imagery", given.name, given.crs)) for path in given.sources]
+    return rasters(given, files, bars)
+
+
+def rasters(
+    given: argparse.Namespace, files: list[tuple[Path, RasterOptions]], bars: Bars
+) -> dict[str, Any]:
+    """Ingest rasters and ground the buildings on the new terrain."""
+    if given.name and len(files) > 1:
+        raise InputError(given.name, "one name for several files", "ingest them one by one")
+    report = ingest_rasters(given.store, files, bars)
+    return report | reground(given.store, bars)
+
+
+def reground(store: Path, bars: Callable[[int, int, str], None]) -> dict[str, Any]:
+    """Ground a store's buildings on its terrain, if it has any."""
+    with Store(store) as reader:
+        if not reader.object_count() and not len(reader.index(Lane.OBJECTS)):
+            return {}
+        with editing(store) as writer:
+            rebuilt = rebuild_objects(writer, ground=ground_of(reader), progress=bars)
+    return {"grounded": rebuilt.report["objects"], "floating": rebuilt.report["floating"]}
+
+
+def buildings(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
+    """Ingest footprints."""
+    rules = HeightRules(
+        given.height, given.levels, given.base, given.default_height, given.units
+    )
+    options = BuildingOptions(given.name, given.layer, given.crs, rules, given.report)
+    if not given.store.exists():
+        return ingest_buildings(given.store, given.sources, options, progress=bars)
+    with Store(given.store) as reader:
+        ground = ground_of(reader)
+        return ingest_buildings(given.store, given.sources, options, ground=ground, progress=bars)
+
+
+def ground_of(reader: Store) -> Ground | None:
+    """Return the store's terrain as a function of place, None where it has none."""
+    return Surface(reader).heights if len(reader.index(Lane.TERRAIN)) else None
+
+
+def parser_of_ingest() -> argparse.ArgumentParser:
+    """Return the parser of `geopage ingest`."""
+    parser = argparse.ArgumentParser(
+        prog="geopage ingest",
+        description="Read elevation models, pictures or footprints into a store. A new store"
+        " starts from the sample earth; the same source again replaces itself.",
+    )
+    kinds = parser.add_subparsers(required=True, metavar="terrain|imagery|buildings")
+    for name, run, text in (
+        ("terrain", terrain, "elevation models: GeoTIFF, HGT (also zipped), VRT, netCDF"),
+        ("imagery", imagery, "RGB pictures draped on the terrain"),
+        ("buildings", buildings, "footprints: GeoPackage, GeoJSON, FlatGeobuf, Shapefile"),
+    ):
+        kind = kinds.add_parser(name, help=text, description=f"Ingest {text}.")
+        kind.set_defaults(run=run)
+        kind.add_argument("store", type=Path, help="the .geopage file; made when it is not there")
+        kind.add_argument("sources", type=Path, nargs="+", metavar="SRC")
+        kind.add_argument("--name", help="name of the source (default: the file's name)")
+        kind.add_argument("--crs", help="CRS of files that lack one, for example EPSG:4326")
+        kind.add_argument("--bare", action="store_true", help="a new store starts empty")
+        kind.add_argument("--strict", action="store_true", help="exit 1 when anything is skipped")
+        kind.add_argument("--json", action="store_true", help="one JSON object on stdout")
+        if name == "terrain":
+            kind.add_argument(
+                "--datum", help="vertical datum: egm96, ellipsoid or EPSG:n (default: the file's)"
+            )
+        if name == "buildings":
+            building_arguments(kind)
+    return parser
+
+
+def building_arguments(kind: argparse.ArgumentParser) -> None:
+    """Add what only footprints have."""
+    kind.add_argument("--height", metavar="FIELD", help="height of the top above ground")
+    kind.add_argument("--levels", metavar="FIELD", help="number of floors, 3 m each")
+    kind.add_argument("--base", metavar="FIELD", help="height of the lower edge above ground")
+    kind.add_argument("--default-height", type=float, default=6.0, metavar="M")
+    kind.add_argument("--units", choices=("m", "ft"), default="m", help="of the height field")
+    kind.add_argument("--layer", help="layer of a file that has several")
+    kind.add_argument("--report", type=Path, metavar="OUT.gpkg", help="what was skipped or repaired")
+
+
+def remove(words: list[str]) -> int:
+    """Take a source out of a store."""
+    parser = argparse.ArgumentParser(
+        prog="geopage remove", description="Take a source out of a store; see geopage info."
+    )
+    parser.add_argument("store", type=Path)
+    parser.add_argument("source")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    given = parser.parse_args(words)
+    with Store(given.store) as reader:
+        kinds = {source["name"]: source["kind"] for source in reader.sources()}
+    if given.source not in kinds:
+        known = ", ".join(kinds) or "none"
+        raise InputError(given.store, f"has no source {given.source!r}", f"it has {known}")
+    bars = Bars()
+    if kinds[given.source] == "buildings":
+        with editing(given.store) as writer, writer.transaction():
+            writer.drop_source(given.source)
+        report: dict[str, Any] = {"removed": given.source}
+    else:
+        report = remove_raster(given.store, given.source, 0, bars)
+    report |= reground(given.store, bars)
+    bars.close()
+    show(report, as_json=given.json)
+    return 0

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from geopage.screen_error import HIDDEN, OUTSIDE, Lens, lens_of, px_per_m, px_per_m_of
+from tests.geopage.worlds import view_at
+from tiles import geodesy
+from tiles.frames import Floats
+
+HEIGHTS_M = st.floats(1.0, 7.0).map(lambda x: 10.0**x)
+
+
+def scale(lens: Lens, point: Floats, radius_m: float = 0.0) -> float:
+    return px_per_m(lens, point[0], point[1], point[2], radius_m)
+
+
+@pytest.mark.parametrize("distance_m", [10.0, 1e3, 1e7])
+@pytest.mark.parametrize("share", [0.0, 0.9])
+def test_on_the_axis_a_metre_takes_focal_over_distance(
+    distance_m: float, share: float
+) -> None:
+    view = view_at(2e7, pitch_deg=0.0)
+    point = view.eye + view.forward * distance_m
+    found = scale(lens_of(view), point, distance_m * share)
+    assert found == pytest.approx(view.focal_px / (distance_m * (1 - share)), rel=1e-7)
+
+
+@given(st.integers(0, 2**32 - 1), HEIGHTS_M, st.floats(-90, 30))
+def test_the_kernel_agrees_with_numpy(seed: int, height_m: float, pitch_deg: float) -> None:
+    lens = lens_of(view_at(height_m, pitch_deg=pitch_deg))
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=(50, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    centre = np.where(rng.random((50, 1)) < 0.5, lens.eye, 0.0)
+    centre = centre + direction * 10 ** rng.uniform(0, 7, (50, 1))
+    radius = 10 ** rng.uniform(0, 6.5, 50)
+    each = [scale(lens, c, float(r)) for c, r in zip(centre, radius, strict=True)]
+    np.testing.assert_allclose(px_per_m_of(lens, centre, radius), each, rtol=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_projected_length_is_never_longer_than_the_bound(seed: int) -> None:
+    view = view_at(1e4, pitch_deg=-30.0)
+    lens = lens_of(view)
+    rng = np.random.default_rng(seed)
+    corner = np.array((640.0, 360.0)) / view.focal_px
+    on_screen = rng.uniform(-corner, corner)
+    away = 10 ** rng.uniform(0, 3)
+    camera = np.array((*on_screen, -1.0)) * away
+    side = rng.normal(size=3)
+    length = 1e-4 * away
+    ends = camera + np.outer((-0.5, 0.5), side / np.linalg.norm(side) * length)
+    screen = ends[:, :2] / -ends[:, 2:] * view.focal_px
+    projected_px = float(np.linalg.norm(screen[1] - screen[0]))
+    centre = view.eye + camera @ view.rotation
+    assert projected_px <= length * scale(lens, centre) * (1 + 1e-3)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_no_drawn_point_of_a_sphere_is_nearer_than_the_bound_says(seed: int) -> None:
+    view = view_at(1e4, pitch_deg=-30.0)
+    rng = np.random.default_rng(seed)
+    centre = rng.normal(size=3) * (3.0, 3.0, 1.0) + (0, 0, -2.0)
+    radius = float(np.linalg.norm(centre)) * rng.uniform(0, 0.98)
+    points = rng.normal(size=(400, 3))
+    points = centre + radius * points / np.linalg.norm(points, axis=1)[:, None]
+    corner = np.array((640.0, 360.0)) / view.focal_px
+    drawn = (points[:, 2] < 0) & (np.abs(points[:, :2]) <= -points[:, 2:] * corner).all(
+        axis=1
+    )
+    bound = scale(lens_of(view), view.eye + centre @ view.rotation, radius)
+    assert (view.focal_px / -points[drawn, 2] <= bound * (1 + 1e-9)).all()
+
+
+def test_an_eye_inside_a_sphere_sees_it_as_huge() -> None:
+    view = view_at(100.0)
+    assert scale(lens_of(view), view.eye + 5.0, 100.0) >= view.focal_px * 1e3
+
+
+def test_what_is_behind_the_eye_counts_an_eighth() -> None:
+    view = view_at(1e7, pitch_deg=90.0)
+    ahead = scale(lens_of(view), view.eye + view.forward * 100.0)
+    behind = scale(lens_of(view), view.eye - view.forward * 100.0)
+    corner = lens_of(view).corner_cos
+    assert behind == pytest.approx(ahead * OUTSIDE / corner**2)
+
+
+def test_the_far_side_of_the_planet_counts_least() -> None:
+    view = view_at(1e6, (0.0, 0.0))
+    far = np.asarray(geodesy.to_ecef(np.pi, 0.0, 8848.0))
+    distance_m = float(np.linalg.norm(far - view.eye))
+    assert scale(lens_of(view), far) == pytest.approx(view.focal_px / distance_m * HIDDEN)
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(-1.5, 1.5), HEIGHTS_M)
+def test_nothing_in_sight_is_called_hidden(lon: float, lat: float, height_m: float) -> None:
+    view = view_at(height_m, (0.3, 0.7))
+    point = np.asarray(geodesy.to_ecef(lon, lat, 0.0))
+    ray = point - view.eye
+    facing = float(geodesy.up(lon, lat) @ ray) < 0
+    wide = lens_of(view, turn_rad_s=100.0)
+    weight = scale(wide, point) * float(np.linalg.norm(ray)) / view.focal_px
+    assert not facing or weight >= 1 - 1e-9
+
+
+def test_turning_widens_the_cone() -> None:
+    view = view_at(1e7, pitch_deg=0.0)
+    aside = view.eye + view.rotation[0] * 100.0
+    assert scale(lens_of(view, 4.0), aside) == pytest.approx(
+        8 * scale(lens_of(view), aside)
+    )

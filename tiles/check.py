@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Verify a store: every tile's bytes, and what must hold between index, tiles, objects."""
+
+from collections.abc import Callable, Iterator
+from contextlib import closing
+
+import numpy as np
+
+from tiles import cells, objects, terrain, zones
+from tiles.errors import TileFault
+from tiles.forest import Forest, build_forest
+from tiles.index_tree import is_monotone
+from tiles.lanes import Lane
+from tiles.store import Store
+
+Progress = Callable[[int, int], None]
+
+
+def faults_of(store: Store, progress: Progress = lambda done, total: None) -> Iterator[str]:
+    """Yield a line for everything that is wrong with a store."""
+    seen: list[int] = []
+    for lane in Lane:
+        try:
+            forest = build_forest(store.index(lane))
+        except TileFault as fault:
+            yield str(fault)
+            continue
+        yield from _shape_faults(lane, forest)
+        yield from _tile_faults(store, lane, forest, seen, progress)
+    yield from _object_faults(store, seen)
+    yield from _file_faults(store)
+
+
+def _shape_faults(lane: Lane, forest: Forest) -> Iterator[str]:
+    records = forest.records
+    orphans = (forest.parent < 0) & (cells.level(records["cell"]) > 0)
+    mask = ((forest.children >= 0) << np.arange(4)).sum(axis=1)
+    wrong = {
+        "has no parent in the index": orphans,
+        "names children that are not there": mask != records["children"],
+        "has a larger error than its parent": ~is_monotone(records, forest.parent),
+    }
+    if lane is Lane.TERRAIN and len(records):
+        wrong["has neither 0 nor 4 children"] = ~np.isin(records["children"], (0, 15))
+        wrong["has no tile"] = records["row"] == 0
+        if (cells.level(records["cell"]) == 0).sum() != zones.COUNT:
+            yield "terrain does not cover all zones"
+    for what, where in wrong.items():
+        for cell in records["cell"][where]:
+            yield f"{lane.name} cell {cells.text(int(cell))} {what}"
+
+
+def _tile_faults(
+    store: Store, lane: Lane, forest: Forest, seen: list[int], progress: Progress
+) -> Iterator[str]:
+    named = forest.records[forest.records["row"] > 0]
+    for done, record in enumerate(named):
+        progress(done + 1, len(named))
+        cell = int(record["cell"])
+        try:
+            body = store.checked_body(lane, cell, int(record["row"]), int(record["check"]))
+            tile = terrain.decode(body) if lane is Lane.TERRAIN else objects.decode(body)
+        except TileFault as fault:
+            yield str(fault)
+            continue
+        if tile.cell != cell:
+            yield f"{lane.name} tile {cells.text(cell)}: holds another cell's data"
+        if tile.mesh.indices.max(initial=0) >= max(len(tile.mesh.vertices), 1):
+            yield f"{lane.name} tile {cells.text(cell)}: an index beyond its vertices"
+        if isinstance(tile, objects.ObjectTile):
+            seen += tile.objects["id"].tolist()
+            if (np.diff(tile.objects["dimension_m"]) > 0).any():
+                yield f"{lane.name} tile {cells.text(cell)}: objects are not largest first"
+
+
+def _object_faults(store: Store, seen: list[int]) -> Iterator[str]:
+    stored = [row[0] for row in store.connection.execute("SELECT id FROM object")]
+    for missing in sorted(set(stored) - set(seen)):
+        yield f"object {missing} is in no tile"
+    ids, counts = np.unique(np.array(seen, np.int64), return_counts=True)
+    for twice in ids[counts > 1]:
+        yield f"object {twice} is in several tiles"
+    for unknown in sorted(set(seen) - set(stored)):
+        yield f"object {unknown} is in a tile but not in the object table"
+
+
+def _file_faults(store: Store) -> Iterator[str]:
+    with closing(store.connection.execute("PRAGMA quick_check(5)")) as rows:
+        for (line,) in rows:
+            if line != "ok":
+                yield f"file: {line}"

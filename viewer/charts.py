@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Speed against accuracy, as one chart; and one flight over time."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tiles.errors import InputError
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+"""Okabe and Ito's colours, which colour-blind people can tell apart."""
+Json = dict[str, Any]
+
+
+def read_report(run: Path) -> Json:
+    """Read the report of a run: a folder with report.json, or the file itself.
+
+    Raises
+    ------
+    InputError
+    """
+    path = run / "report.json" if run.is_dir() else run
+    if not path.is_file():
+        raise InputError(run, "holds no report.json", "name a folder that `geopage fly` wrote")
+    try:
+        report: Json = json.loads(path.read_text())
+        float(report["frames"]["p50_ms"]), float(report["screen_error_px"]["p95"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(path, f"is not a flight's report ({error})", "fly again") from error
+    return report
+
+
+def pyplot(out: Path) -> Any:
+    """Return matplotlib's pyplot without a screen.
+
+    Raises
+    ------
+    InputError
+        When matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl  # noqa: PLC0415  (an extra, slow to import)
+        from matplotlib import pyplot as plt  # noqa: PLC0415
+    except ImportError as error:
+        advice = "install the extra `report`: pip install geopage[report]"
+        raise InputError(out, "charts need matplotlib", advice) from error
+    mpl.use("Agg")
+    mpl.rcParams.update({"font.size": 10, "svg.hashsalt": "geopage", "axes.grid": True})
+    mpl.rcParams.update({"grid.color": "#dddddd", "axes.axisbelow": True})
+    return plt
+
+
+def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
+    """Draw a curve per method: frame time against the selection's screen error.
+
+    Until a ray-cast reference exists, the error is what the selection itself knows: an
+    upper bound that it keeps, not a measurement of the picture. The chart says so.
+    """
+    plt = pyplot(out)
+    figure, axes = plt.subplots(figsize=(8, 5.2))
+    series: dict[str, list[Json]] = {}
+    for report in reports:
+        settings = report["settings"]
+        series.setdefault(f"{settings['policy']}, {settings['mode']}", []).append(report)
+    for (name, runs), colour in zip(sorted(series.items()), _cycle(), strict=False):
+        _curve(axes, name, runs, colour)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    _plain_ticks(axes)
+    axes.set_xlabel("frame time, ms (dot: median, bar to the 99th percentile)")
+    axes.set_ylabel("screen error known to the selection, px (95th percentile of frames)")
+    first = reports[0]
+    size = "x".join(str(n) for n in first["settings"]["size_px"])
+    axes.set_title(f"Speed against accuracy: {first['settings']['path']}, {size}", loc="left")
+    machine = first["machine"]
+    note = f"{machine['cpu']}, {machine['cores']} cores; {machine['gl_renderer']}"
+    figure.text(0.01, 0.01, note, fontsize=7, color="#555555")
+    axes.legend(frameon=False)
+    figure.tight_layout(rect=(0, 0.03, 1, 1))
+    save(figure, out)
+    plt.close(figure)
+
+
+def _curve(axes: Any, name: str, runs: list[Json], colour: str) -> None:
+    runs = sorted(runs, key=lambda run: run["settings"]["threshold_px"])
+    x = np.array([run["frames"]["p50_ms"] for run in runs])
+    worst = np.array([run["frames"]["p99_ms"] for run in runs])
+    y = np.array([run["screen_error_px"]["p95"] for run in runs])
+    floor = [run["floor"]["frame_p50_ms"] for run in runs]
+    axes.hlines(y, x, np.maximum(worst, x), color=colour, lw=1, alpha=0.5)
+    axes.plot(x, y, "o-", color=colour, label=name)
+    axes.plot(floor, y, "|", color=colour, ms=14, mew=2, label=f"{name}: resident replay (floor)")
+    for run, px, error in zip(runs, x, y, strict=True):
+        label = f" {run['settings']['threshold_px']:g} px"
+        axes.annotate(label, (px, error), textcoords="offset points", xytext=(4, 6), color=colour)
+
+
+def _plain_ticks(axes: Any) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter  # noqa: PLC0415
+
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(ScalarFormatter())
+        axis.set_minor_formatter(NullFormatter())
+
+
+def flight_over_time(table: Any, out: Path, *, budget_bytes: int, floor_ms: Any) -> None:
+    """Draw one flight: height, frame time beside its floor, screen error, memory."""
+    plt = pyplot(out)
+    figure, rows = plt.subplots(4, 1, figsize=(8, 8), sharex=True)
+    t = table["t_s"]
+    rows[0].plot(t, table["height_m"], color=COLOURS[0])
+    rows[0].set_yscale("log")
+    rows[0].set_ylabel("height, m")
+    rows[1].plot(t, table["frame_ms"], color=COLOURS[1], label="flight", lw=1)
+    rows[1].plot(t, floor_ms, color="#444444", label="resident replay (floor)", lw=1)
+    rows[1].set_ylabel("frame, ms")
+    rows[1].set_ylim(0, None)
+    rows[1].legend(frameon=False, ncols=2)
+    rows[2].plot(t, table["screen_error_px"], color=COLOURS[2])
+    rows[2].set_ylabel("screen error, px")
+    rows[3].plot(t, table["memory_bytes"] / 2**20, color=COLOURS[3], label="accounted")
+    rows[3].axhline(budget_bytes / 2**20, color="#444444", ls="--", lw=1, label="budget")
+    rows[3].set_ylabel("memory, MiB")
+    rows[3].set_ylim(0, None)
+    rows[3].legend(frameon=False, ncols=2)
+    rows[3].set_xlabel("time, s")
+    figure.tight_layout()
+    save(figure, out)
+    plt.close(figure)
+
+
+def save(figure: Any, out: Path) -> None:
+    """Write a figure.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        figure.savefig(out, metadata={"Date": None} if out.suffix == ".svg" else None)
+    except (OSError, ValueError) as error:
+        advice = "name a .svg, .png or .pdf in a folder that exists"
+        raise InputError(out, str(error).splitlines()[0], advice) from error
+
+
+def _cycle() -> tuple[str, ...]:
+    return COLOURS * 4

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a draw list and the newest pose to GPU commands, in kernels without the GIL.
+
+A command is what glMultiDrawElementsIndirect reads: index count, instance count, first
+index, base vertex, base instance. Its base instance is the number of its record in the
+instance array, whose 16 floats tell the vertex shader about the tile:
+
+    0..2 centre - eye, made in float64 (m)   3 metres per position step
+    4..6 up at the tile's centre             7 skirt depth (m)
+    8..10 place in the grain of the ground (terrain); seed (objects)
+    11 texture layer (terrain)               12 entry in the draw list
+    13 screen error (px)                     14, 15 zero
+
+Commands are sorted from near to far, so that near surfaces hide far ones before those
+are shaded.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geopage.screen_error import Lens, is_hidden, lens_of, px_per_m
+from geopage.view import ViewState
+from tiles.frames import WGS84_A_M, WGS84_B_M
+from tiles.kernels import inlined, kernel
+
+COMMAND_WORDS = 5
+INSTANCE_FLOATS = 16
+STRETCH = WGS84_A_M / WGS84_B_M
+CHILDREN = 4
+
+
+class Eye(NamedTuple):
+    """What the kernels need of a view."""
+
+    lens: Lens
+    planes: NDArray[np.float64]
+    """(5, 3) inward unit normals through the eye: left, right, bottom, top, front"""
+
+
+def eye_of(view: ViewState) -> Eye:
+    """Return a view as the kernels take it."""
+    x, y = view.width_px / 2 / view.focal_px, view.height_px / 2 / view.focal_px
+    camera = np.array(
+        ((1, 0, -x), (-1, 0, -x), (0, 1, -y), (0, -1, -y), (0, 0, -1)), np.float64
+    )
+    camera /= np.linalg.norm(camera, axis=1, keepdims=True)
+    return Eye(lens_of(view), np.ascontiguousarray(camera @ view.rotation))
+
+
+@kernel
+def is_visible(centre: NDArray[np.float64], radius_m: float, eye: Eye) -> bool:
+    """Say whether a sphere may be in the picture: in its pyramid, before the horizon."""
+    x, y = centre[0] - eye.lens.eye[0], centre[1] - eye.lens.eye[1]
+    z = centre[2] - eye.lens.eye[2]
+    for i in range(5):
+        plane = eye.planes[i]
+        if plane[0] * x + plane[1] * y + plane[2] * z < -radius_m:
+            return False
+    return not is_hidden(eye.lens, x, y, z, radius_m)
+
+
+@inlined
+def _fill(
+    instance: NDArray[np.float32], slot: np.void, eye: Eye, entry: int, error_px: float
+) -> None:
+    x, y, z = slot["centre"][0], slot["centre"][1], slot["centre"][2]
+    instance[0] = x - eye.lens.eye[0]
+    instance[1] = y - eye.lens.eye[1]
+    instance[2] = z - eye.lens.eye[2]
+    instance[3] = slot["scale_m"]
+    z = z * STRETCH * STRETCH
+    length = max(math.sqrt(x * x + y * y + z * z), 1.0)
+    instance[4] = x / length
+    instance[5] = y / length
+    instance[6] = z / length
+    instance[12] = entry
+    instance[13] = error_px
+
+
+@inlined
+def _command(command: NDArray[np.uint32], slot: np.void, first: int, count: int) -> None:
+    command[0] = count
+    command[1] = 1
+    command[2] = slot["first_index"] + first
+    command[3] = slot["base_vertex"]
+
+
+@inlined
+def _sort(
+    keys: NDArray[np.float64],
+    commands: NDArray[np.uint32],
+    sorted_commands: NDArray[np.uint32],
+    n: int,
+) -> None:
+    order = np.argsort(keys[:n])
+    for i in range(n):
+        sorted_commands[i] = commands[order[i]]
+        sorted_commands[i, 4] = order[i]
+
+
+class Room(NamedTuple):
+    """Preallocated arrays that the kernels write."""
+
+    commands: NDArray[np.uint32]
+    """(n, 5) sorted near to far"""
+    instances: NDArray[np.float32]
+    """(n, 16)"""
+    unsorted: NDArray[np.uint32]
+    keys: NDArray[np.float64]
+
+
+def make_room(draws: int) -> Room:
+    """Return arrays for a number of draws."""
+    return Room(
+        np.zeros((draws, COMMAND_WORDS), np.uint32),
+        np.zeros((draws, INSTANCE_FLOATS), np.float32),
+        np.zeros((draws, COMMAND_WORDS), np.uint32),
+        np.zeros(draws, np.float64),
+    )
+
+
+class Lists(NamedTuple):
+    """One lane of a draw list with the arrays that its rows point to."""
+
+    rows: NDArray[np.int32]
+    slots: NDArray[np.void]
+    centre: NDArray[np.float64]
+    radius_m: NDArray[np.float64]
+    records: NDArray[np.void]
+
+
+@kernel
+def cull_terrain(
+    lists: Lists, skirt_m: NDArray[np.float32], eye: Eye, picture_px: float, room: Room
+) -> tuple[int, int, float]:
+    """Fill `room` with the visible terrain tiles.
+
+    Returns
+    -------
+    draws, triangles, screen error in px as a mean weighted by the tiles' areas
+    """
+    n, triangles, error_sum, area_sum = 0, 0, 0.0, 1e-9
+    for entry in range(len(lists.rows)):
+        row = lists.rows[entry]
+        slot = lists.slots[row]
+        radius = lists.radius_m[row] + skirt_m[entry]
+        centre = lists.centre[row]
+        if slot["uploaded"] == 0 or not is_visible(centre, radius, eye):
+            continue
+        record = lists.records[row]
+        scale = px_per_m(eye.lens, centre[0], centre[1], centre[2], radius)
+        error_px = scale * max(record["error_m"], record["texel_m"])
+        _fill(room.instances[n], slot, eye, entry, error_px)
+        room.instances[n, 7] = skirt_m[entry]
+        room.instances[n, 8] = slot["noise"][0]
+        room.instances[n, 9] = slot["noise"][1]
+        room.instances[n, 10] = slot["noise"][2]
+        room.instances[n, 11] = slot["layer"]
+        _command(room.unsorted[n], slot, 0, slot["index_count"])
+        room.keys[n] = -scale
+        n += 1
+        triangles += slot["index_count"] // 3
+        area = min((2.0 * radius * scale) ** 2, picture_px)
+        error_sum += area * min(error_px, 1e6)
+        area_sum += area
+    _sort(room.keys, room.unsorted, room.commands, n)
+    return n, triangles, error_sum / area_sum
+
+
+@kernel
+def _count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> int:
+    """Return how many of a tile's own objects are larger, by bisection."""
+    low, high = slot["pool_start"], slot["pool_start"] + slot["pool_count"]
+    while low < high:
+        middle = (low + high) // 2
+        if pool[middle]["dimension_m"] > dimension_m:
+            low = middle + 1
+        else:
+            high = middle
+    return int(low - slot["pool_start"])
+
+
+@kernel
+def cull_objects(
+    lists: Lists,
+    parts: tuple[NDArray[np.bool_], NDArray[np.uint8], NDArray[np.void]],
+    eye: Eye,
+    threshold_px: float,
+    room: Room,
+) -> tuple[int, int, int]:
+    """Fill `room` with the visible own objects above the threshold and the proxies.
+
+    Parameters
+    ----------
+    parts : `own` and `proxies` of the draw list, and the pool of object tables
+
+    Returns
+    -------
+    draws, triangles, objects (own objects and proxies)
+    """
+    own, proxies, pool = parts
+    n, triangles, objects = 0, 0, 0
+    for entry in range(len(lists.rows)):
+        row = lists.rows[entry]
+        slot = lists.slots[row]
+        radius = lists.radius_m[row]
+        centre = lists.centre[row]
+        if slot["uploaded"] == 0 or not is_visible(centre, radius, eye):
+            continue
+        scale = px_per_m(eye.lens, centre[0], centre[1], centre[2], radius)
+        seen = _count_above(pool, slot, threshold_px / scale) if own[entry] else 0
+        for part in range(CHILDREN + 1):
+            first, count = 0, 0
+            if part == CHILDREN and seen > 0:
+                count = pool[slot["pool_start"] + seen - 1]["index_end"]
+            elif part < CHILDREN and proxies[entry] >> part & 1:
+                first, count = slot["proxy_first"][part], slot["proxy_count"][part]
+            if count <= 0 or n == len(room.keys):
+                continue
+            _fill(room.instances[n], slot, eye, entry, 0.0)
+            room.instances[n, 8] = slot["seed"]
+            _command(room.unsorted[n], slot, first, count)
+            room.keys[n] = -scale
+            n += 1
+            triangles += count // 3
+            objects += seen if part == CHILDREN else 1
+    _sort(room.keys, room.unsorted, room.commands, n)
+    return n, triangles, objects

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fly a camera path, in real time or settled, and record every frame."""
+
+import gc
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geopage.draw_list import DrawList
+from geopage.view import ViewState
+from tiles.geodesy import to_geodetic
+from viewer.memory import resident_bytes
+from viewer.poses import Flight
+from viewer.renderer import FrameStats
+from viewer.session import Session
+
+FRAME = np.dtype(
+    [
+        ("t_s", "f8"),
+        ("lat_deg", "f8"),
+        ("lon_deg", "f8"),
+        ("height_m", "f8"),
+        ("frame_ms", "f8"),
+        ("upload_ms", "f8"),
+        ("cull_ms", "f8"),
+        ("draw_ms", "f8"),
+        ("wait_ms", "f8"),
+        ("gil_ms", "f8"),
+        ("list_age_ms", "f8"),
+        ("screen_error_px", "f8"),
+        ("triangles", "i8"),
+        ("draw_calls", "i8"),
+        ("objects", "i8"),
+        ("stand_ins", "i8"),
+        ("tiles_uploaded", "i8"),
+        ("bytes_read", "i8"),
+        ("memory_bytes", "i8"),
+        ("rss_bytes", "i8"),
+    ]
+)
+UPLOAD_BYTES = 2 << 20
+FRAME_S = 1 / 60
+"""No frame begins sooner than this after the one before, as on a 60 Hz screen."""
+Progress = Callable[[float], None]
+
+
+@dataclass(slots=True)
+class Recording:
+    """What a flight did: one FRAME, one view and one draw list a frame."""
+
+    frames: list[tuple[float, ...]] = field(default_factory=list)
+    views: list[ViewState] = field(default_factory=list)
+    lists: list[DrawList] = field(default_factory=list)
+    rss_before_bytes: int = 0
+    settle_s: float = 0.0
+    """Time to load the first view before the clock started"""
+
+    def table(self) -> NDArray[np.void]:
+        """Return (n,) FRAME."""
+        return np.array(self.frames, FRAME)
+
+
+def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording:
+    """Fly in real time: the clock runs, frames take what they take."""
+    recording = Recording(rss_before_bytes=resident_bytes())
+    pager, renderer, feeder = session.pager, session.renderer, session.feeder
+    pager.view(flight.view(0.0))
+    pager.start()
+    start_s = time.perf_counter()
+    while not (pager.draw_list().number and pager.settled):
+        feeder.feed(pager.draw_list().number)
+        time.sleep(0.002)
+    recording.settle_s = time.perf_counter() - start_s
+    with quiet_collector():
+        start_s = time.perf_counter()
+        while (now_s := time.perf_counter() - start_s) < flight.path.duration_s:
+            clock = FrameClock()
+            view = flight.view(now_s)
+            pager.view(view)
+            drawn = pager.draw_list()
+            before_ns = time.perf_counter_ns()
+            moved = feeder.feed(drawn.number, UPLOAD_BYTES)
+            upload_ms = (time.perf_counter_ns() - before_ns) / 1e6
+            clock.pause()
+            stats = renderer.draw(drawn, view)
+            clock.resume()
+            age_ms = (view.t_s - drawn.view.t_s) * 1e3
+            wait_ms = clock.wait_ms() + stats.gil_ms
+            record(session, recording, view, drawn, stats, (upload_ms, wait_ms, age_ms, moved), clock)
+            progress(now_s)
+            time.sleep(max(0.0, FRAME_S - clock.frame_ms() / 1e3))
+    return recording
+
+
+def fly_settled(session: Session, flight: Flight, count: int, progress: Progress) -> Recording:
+    """Stop at `count` poses until each is settled; then draw it once more, timed."""
+    recording = Recording(rss_before_bytes=resident_bytes())
+    for t_s in np.linspace(0.0, flight.path.duration_s, count).tolist():
+        view = flight.view(t_s)
+        drawn, _ = session.settle(view)
+        clock = FrameClock()
+        stats = session.renderer.draw(drawn, view)
+        record(session, recording, view, drawn, stats, (0.0, 0.0, 0.0, 0), clock)
+        progress(t_s)
+    return recording
+
+
+class FrameClock:
+    """Wall and processor time of one frame's own Python, drawing apart.
+
+    Where the wall clock ran and this thread's processor clock did not, the thread
+    waited: for a lock, for a read, for the GIL, or for the operating system.
+    """
+
+    def __init__(self) -> None:
+        self.start_ns = time.perf_counter_ns()
+        self._wall_ns = self._busy_ns = 0
+        self.resume()
+
+    def resume(self) -> None:
+        """Count from here."""
+        self._wall_from, self._busy_from = time.perf_counter_ns(), time.thread_time_ns()
+
+    def pause(self) -> None:
+        """Count up to here."""
+        self._wall_ns += time.perf_counter_ns() - self._wall_from
+        self._busy_ns += time.thread_time_ns() - self._busy_from
+
+    def wait_ms(self) -> float:
+        """Return the time that the thread stood still while it was counted."""
+        self.pause()
+        self.resume()
+        return max(self._wall_ns - self._busy_ns, 0) / 1e6
+
+    def frame_ms(self) -> float:
+        """Return the time since the frame began."""
+        return (time.perf_counter_ns() - self.start_ns) / 1e6
+
+
+def record(
+    session: Session,
+    recording: Recording,
+    view: ViewState,
+    drawn: DrawList,
+    stats: FrameStats,
+    timed: tuple[float, float, float, int],
+    clock: FrameClock,
+) -> None:
+    """Write one frame down."""
+    upload_ms, wait_ms, age_ms, moved = timed
+    frame_ms = clock.frame_ms()
+    lon, lat, height_m = to_geodetic(view.eye)
+    recording.views.append(view)
+    recording.lists.append(drawn)
+    recording.frames.append(
+        (
+            view.t_s,
+            float(np.degrees(lat)),
+            float(np.degrees(lon)),
+            float(height_m),
+            frame_ms,
+            upload_ms,
+            stats.cull_ms,
+            stats.gl_ms,
+            wait_ms,
+            stats.gil_ms,
+            age_ms,
+            stats.screen_error_px,
+            stats.triangles,
+            stats.draw_calls,
+            stats.objects,
+            stats.stand_ins,
+            moved,
+            session.pager.counters["bytes_read"],
+            sum_of(session.pager.memory()),
+            resident_bytes(),
+        )
+    )
+
+
+def sum_of(memory: dict[str, int]) -> int:
+    """Return the bytes in use now."""
+    return sum(memory[key] for key in ("index_bytes", "resident_bytes", "uploaded_bytes", "in_flight_bytes"))
+
+
+class quiet_collector:  # noqa: N801  (used as a statement)
+    """Keep Python's garbage collector out of the frames inside."""
+
+    def __enter__(self) -> None:
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+
+    def __exit__(self, *_: object) -> None:
+        gc.enable()
+        gc.unfreeze()

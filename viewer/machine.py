@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The machine that a figure was measured on."""
+
+import os
+import platform
+import subprocess
+from pathlib import Path
+
+from viewer.gl import Gl
+
+CPUINFO = Path("/proc/cpuinfo")
+
+
+def machine(gl: Gl) -> dict[str, object]:
+    """Return processor, cores, GL renderer, Python and commit."""
+    return {
+        "cpu": cpu_name(),
+        "cores": os.cpu_count(),
+        "gl_renderer": gl.context.info["GL_RENDERER"],
+        "gl_version": gl.context.info["GL_VERSION"],
+        "python": platform.python_version(),
+        "system": platform.system(),
+        "commit": commit(),
+    }
+
+
+def cpu_name() -> str:
+    """Return the processor's name."""
+    if CPUINFO.exists():
+        for line in CPUINFO.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
+
+
+def commit() -> str | None:
+    """Return the commit of the checkout that runs, None outside of one."""
+    here = Path(__file__).resolve().parent
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(here), "rev-parse", "--short", "HEAD"],  # noqa: S607
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=False,
+        )
+    except OSError:
+        return None
+    return done.stdout.strip() or None

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The passes of a frame: their programs, and the GL calls that run them.
+
+Each pass of a lane is one glMultiDrawElementsIndirect over the arena. Order: objects,
+terrain, sky, so that what is near hides what is far before it is shaded.
+"""
+
+from importlib.resources import files
+
+import moderngl
+import numpy as np
+
+from tiles.lanes import Lane
+from tiles.mesh import VERTEX
+from viewer import gl
+from viewer.arena import Arena
+from viewer.cull import COMMAND_WORDS, INSTANCE_FLOATS, make_room
+from viewer.gl import CallTable, Gl
+
+COMMAND_BYTES = 4 * COMMAND_WORDS
+INSTANCE_BYTES = 4 * INSTANCE_FLOATS
+BYTE, SHORT = 0x1400, 0x1402
+# location, components, type, byte offset, kept as integers
+VERTEX_INPUTS = (
+    (0, 3, SHORT, 0, True),
+    (1, 1, SHORT, 6, True),
+    (2, 2, gl.UNSIGNED_SHORT, 8, True),
+    (3, 3, BYTE, 12, False),
+)
+LANE_NAME = {Lane.TERRAIN: "terrain", Lane.OBJECTS: "objects"}
+
+
+def source(*names: str, define: str = "") -> str:
+    """Return shader files joined; a define goes after the first one."""
+    folder = files("viewer.shaders")
+    parts = [(folder / f"{name}").read_text("utf-8") for name in names]
+    return "\n".join([parts[0], f"#define {define}\n" if define else "", *parts[1:]])
+
+
+def make_program(context: moderngl.Context, lane: Lane) -> moderngl.Program:
+    """Return the program that shades a lane."""
+    name = LANE_NAME[lane]
+    return context.program(
+        vertex_shader=source("frame.glsl", "vertex_inputs.glsl", f"{name}.vert"),
+        fragment_shader=source("frame.glsl", "light.glsl", "grain.glsl", f"{name}.frag"),
+    )
+
+
+def make_probe_program(context: moderngl.Context, lane: Lane) -> moderngl.Program:
+    """Return the program that writes positions and ids of a lane."""
+    names = "frame.glsl", "vertex_inputs.glsl", "probe.vert"
+    return context.program(
+        vertex_shader=source(*names, define=lane.name),
+        geometry_shader=source("frame.glsl", "probe.geom"),
+        fragment_shader=source("frame.glsl", "way.glsl", "probe.frag"),
+    )
+
+
+def make_sky_program(context: moderngl.Context) -> moderngl.Program:
+    """Return the program that shades what no tile covers."""
+    return context.program(
+        vertex_shader=source("frame.glsl", "sky.vert"),
+        fragment_shader=source("frame.glsl", "way.glsl", "light.glsl", "sky.frag"),
+    )
+
+
+class LanePass:
+    """One lane's draws: commands, per-draw records, vertex layout, program."""
+
+    def __init__(self, calls: Gl, arena: Arena, lane: Lane, draws: int) -> None:
+        self._gl, self._arena = calls, arena
+        self.program = make_program(calls.context, lane)
+        self.probe_program = make_probe_program(calls.context, lane)
+        self.name = calls.create("glCreateVertexArrays")
+        self._lay_out()
+        self._make(draws)
+
+    def _lay_out(self) -> None:
+        add = self._gl.call
+        buffers = self._arena.vertices.glo, self._arena.indices.glo
+        add("glVertexArrayVertexBuffer", self.name, 0, buffers[0], 0, VERTEX.itemsize)
+        add("glVertexArrayElementBuffer", self.name, buffers[1])
+        for location, size, kind, offset, is_integer in VERTEX_INPUTS:
+            head = self.name, location, size, kind
+            if is_integer:
+                add("glVertexArrayAttribIFormat", *head, offset)
+            else:
+                add("glVertexArrayAttribFormat", *head, 1, offset)
+            add("glVertexArrayAttribBinding", self.name, location, 0)
+            add("glEnableVertexArrayAttrib", self.name, location)
+        for i in range(4):
+            add("glVertexArrayAttribFormat", self.name, 4 + i, 4, gl.FLOAT, 0, 16 * i)
+            add("glVertexArrayAttribBinding", self.name, 4 + i, 1)
+            add("glEnableVertexArrayAttrib", self.name, 4 + i)
+        add("glVertexArrayBindingDivisor", self.name, 1, 1)
+
+    def grow(self, draws: int) -> bool:
+        """Make room for a number of draws; says whether anything changed."""
+        if draws <= len(self.room.keys):
+            return False
+        self.commands.release()
+        self.instances.release()
+        self._make(draws)
+        return True
+
+    def _make(self, draws: int) -> None:
+        self.room = make_room(draws)
+        context = self._gl.context
+        self.commands = context.buffer(reserve=draws * COMMAND_BYTES, dynamic=True)
+        self.instances = context.buffer(reserve=draws * INSTANCE_BYTES, dynamic=True)
+        self._gl.call(
+            "glVertexArrayVertexBuffer", self.name, 1, self.instances.glo, 0, INSTANCE_BYTES
+        )
+
+    def release(self) -> None:
+        """Free the GPU's memory."""
+        for part in (self.program, self.probe_program, self.commands, self.instances):
+            part.release()
+        names = np.array([self.name], np.uint32)
+        self._gl.call("glDeleteVertexArrays", 1, names.ctypes.data)
+
+    def add_upload(self, table: CallTable) -> tuple[int, int]:
+        """Append the copies to the GPU; returns their rows, for `set_draws`."""
+        rows = []
+        for buffer, array in (
+            (self.commands, self.room.commands),
+            (self.instances, self.room.instances),
+        ):
+            where = buffer.glo, 0, 0, array.ctypes.data
+            rows.append(table.add("glNamedBufferSubData", *where))
+        return rows[0], rows[1]
+
+    def add_draw(self, table: CallTable, program: moderngl.Program) -> int:
+        """Append the multi-draw; returns its row, whose draw count `set_draws` sets."""
+        table.add("glUseProgram", program.glo)
+        table.add("glBindVertexArray", self.name)
+        table.add("glBindBuffer", gl.DRAW_INDIRECT_BUFFER, self.commands.glo)
+        draw = gl.TRIANGLES, gl.UNSIGNED_SHORT, 0, 0, COMMAND_BYTES
+        return table.add("glMultiDrawElementsIndirect", *draw)
+
+
+def set_draws(
+    table: CallTable, uploads: tuple[int, int] | None, draw: int, count: int
+) -> None:
+    """Set how many draws a pass copies and makes."""
+    if uploads:
+        table.change(uploads[0], 2, count * COMMAND_BYTES)
+        table.change(uploads[1], 2, count * INSTANCE_BYTES)
+    table.change(draw, 3, count)
+
+
+def add_state(table: CallTable) -> None:
+    """Append the state that all passes share: reversed depth, culled backs, no blending."""
+    table.add("glClipControl", gl.LOWER_LEFT, gl.ZERO_TO_ONE)
+    table.add("glEnable", gl.DEPTH_TEST)
+    table.add("glDepthFunc", gl.GEQUAL)
+    table.add("glDepthMask", 1)
+    table.add("glEnable", gl.CULL_FACE)
+    table.add("glDisable", gl.BLEND)
+
+
+def add_sky(table: CallTable, program: moderngl.Program, vertex_array: int) -> None:
+    """Append the sky, where the depth is still infinite."""
+    table.add("glUseProgram", program.glo)
+    table.add("glBindVertexArray", vertex_array)
+    table.add("glDrawArrays", gl.TRIANGLES, 0, 3)
+
+
+FRAME_FLOATS = 32

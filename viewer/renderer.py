@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a draw list and the newest pose to pixels, without ever waiting for a tile."""
+
+import time
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from geopage.draw_list import DrawList
+from geopage.view import ViewState
+from tiles.forest import Forest
+from tiles.frames import Ecef, Floats
+from tiles.lanes import Lane
+from tiles.objects import ObjectTile
+from tiles.terrain import TerrainTile
+from viewer import cull, gl, passes
+from viewer.arena import Arena, ArenaSize
+from viewer.gl import CallTable, Gl
+from viewer.look import Look, frame_block
+from viewer.target import Target
+
+FIRST_DRAWS = 2048
+DRAWS_PER_OBJECT_TILE = 5  # its own objects and four proxies
+
+
+@dataclass(frozen=True, slots=True)
+class FrameStats:
+    """What one frame drew and where its time went."""
+
+    triangles: int
+    draw_calls: int
+    """Draws inside the two multi-draws."""
+    tiles: int
+    objects: int
+    """Own objects and proxies in visible tiles."""
+    stand_ins: int
+    screen_error_px: float
+    """Error of the drawn terrain, mean weighted by area on the screen."""
+    cull_ms: float
+    gl_ms: float
+    """From the first GL call to the end of the last, including the GPU's work."""
+    gil_ms: float
+    """From the end of GL's work until Python ran again."""
+    frame_ms: float
+
+
+class Renderer:
+    """Draws without a window, on the thread that made it.
+
+    Parameters
+    ----------
+    forests : the lanes' forests; draw lists name their rows
+    width_px, height_px : of the picture
+    arena : room for tiles
+    supersample : pixels of the drawing along each edge of a pixel of the picture
+    context : a moderngl context; without one, a headless one is made
+    """
+
+    def __init__(
+        self,
+        forests: dict[Lane, Forest],
+        size_px: tuple[int, int],
+        arena: ArenaSize | None = None,
+        supersample: int = 1,
+        context: moderngl.Context | None = None,
+    ) -> None:
+        self.gl = Gl(context or gl.open_headless())
+        self.forests = forests
+        self.size_px, self._supersample = size_px, supersample
+        self.look = Look()
+        self.arena = Arena(self.gl, forests, arena or ArenaSize())
+        drawn = size_px[0] * supersample, size_px[1] * supersample
+        self._target = Target(self.gl, drawn, (gl.RGBA8,))
+        self._probe: Target | None = None
+        self._lanes = {
+            lane: passes.LanePass(self.gl, self.arena, lane, FIRST_DRAWS) for lane in Lane
+        }
+        self._sky = passes.make_sky_program(self.gl.context)
+        self._no_vertices = self.gl.create("glCreateVertexArrays")
+        self._block = np.zeros(passes.FRAME_FLOATS, np.float32)
+        self._block_buffer = self.gl.context.buffer(reserve=self._block.nbytes)
+        self._build()
+        self._drawn: tuple[ViewState, dict[Lane, int]] | None = None
+        self._probed = False
+        self.gl.check("making the renderer")
+
+    def _build(self) -> None:
+        """Write the frame's table of GL calls."""
+        table = self._table = CallTable(self.gl)
+        table.stamp()
+        self._share(table)
+        self._uploads = {lane: p.add_upload(table) for lane, p in self._lanes.items()}
+        self._target.begin(table)
+        self._draws = {
+            lane: self._lanes[lane].add_draw(table, self._lanes[lane].program)
+            for lane in (Lane.OBJECTS, Lane.TERRAIN)
+        }
+        passes.add_sky(table, self._sky, self._no_vertices)
+        table.add("glFinish")
+        table.stamp()
+
+    def _share(self, table: CallTable) -> None:
+        size = self._block.nbytes
+        name = self._block_buffer.glo
+        table.add("glNamedBufferSubData", name, 0, size, self._block.ctypes.data)
+        table.add("glBindBufferBase", gl.UNIFORM_BUFFER, 0, name)
+        table.add("glBindTextureUnit", 0, self.arena.textures.name)
+        passes.add_state(table)
+
+    def upload(self, lane: Lane, row: int, tile: TerrainTile | ObjectTile) -> bool:
+        """Copy a tile to the GPU; False where the arena has no room (try again later)."""
+        self.gl.guard()
+        return self.arena.put(lane, row, tile)
+
+    def free(self, lane: Lane, row: int) -> None:
+        """Give a tile's memory back; no list that will be drawn may name it."""
+        self.arena.free(lane, row)
+
+    def is_uploaded(self, lane: Lane, row: int) -> bool:
+        """Say whether a tile is on the GPU."""
+        return bool(self.arena.slots[lane][row]["uploaded"])
+
+    def draw(self, draw_list: DrawList, view: ViewState) -> FrameStats:
+        """Draw a list as seen in a view, and wait for the GPU without the GIL."""
+        if (view.width_px, view.height_px) != self.size_px:
+            raise ValueError(f"the view is not {self.size_px} pixels")
+        start = time.perf_counter()
+        terrain, objects = self._cull(draw_list, view)
+        culled = time.perf_counter()
+        counts = {Lane.TERRAIN: terrain[0], Lane.OBJECTS: objects[0]}
+        self._block[:] = frame_block(view, self.look, self._supersample)
+        for lane, count in counts.items():
+            passes.set_draws(self._table, self._uploads[lane], self._draws[lane], count)
+        gil_ns = self._table.run()
+        stamps = self._table.stamps_ns
+        self._drawn, self._probed = (view, counts), False
+        entries = (
+            self._lanes[Lane.TERRAIN].room.instances[: terrain[0], 12].astype(np.int64)
+        )
+        return FrameStats(
+            triangles=terrain[1] + objects[1],
+            draw_calls=terrain[0] + objects[0],
+            tiles=terrain[0],
+            objects=objects[2],
+            stand_ins=int(draw_list.stand_in[entries.astype(np.int64)].sum()),
+            screen_error_px=terrain[2],
+            cull_ms=(culled - start) * 1e3,
+            gl_ms=(stamps[-1] - stamps[0]) / 1e6,
+            gil_ms=gil_ns / 1e6,
+            frame_ms=(time.perf_counter() - start) * 1e3,
+        )
+
+    def _cull(
+        self, draw_list: DrawList, view: ViewState
+    ) -> tuple[tuple[int, int, float], tuple[int, int, int]]:
+        eye = cull.eye_of(view)
+        grown = self._lanes[Lane.TERRAIN].grow(len(draw_list.terrain))
+        objects = DRAWS_PER_OBJECT_TILE * len(draw_list.objects)
+        if self._lanes[Lane.OBJECTS].grow(objects) or grown:
+            self._build()
+        terrain = cull.cull_terrain(
+            self._lists(Lane.TERRAIN, draw_list.terrain),
+            draw_list.skirt_m,
+            eye,
+            float(view.width_px * view.height_px),
+            self._lanes[Lane.TERRAIN].room,
+        )
+        parts = draw_list.own, draw_list.proxies, self.arena.pool.records
+        own = cull.cull_objects(
+            self._lists(Lane.OBJECTS, draw_list.objects),
+            parts,
+            eye,
+            float(draw_list.object_threshold_px),
+            self._lanes[Lane.OBJECTS].room,
+        )
+        return terrain, own
+
+    def _lists(self, lane: Lane, rows: NDArray[np.int32]) -> cull.Lists:
+        forest = self.forests[lane]
+        slots = self.arena.slots[lane]
+        return cull.Lists(rows, slots, forest.centre, forest.radius_m, forest.records)
+
+    def finish(self) -> None:
+        """Wait until the GPU has done all that was asked of it."""
+        table = CallTable(self.gl, 2)
+        table.add("glFinish")
+        table.run()
+
+    def read_rgb(self) -> NDArray[np.uint8]:
+        """Return the last frame, (height, width, 3) uint8 sRGB, top row first."""
+        n, (width, height) = self._supersample, self.size_px
+        whole = np.empty((height * n, width * n, 4), np.uint8)
+        picture = self._target.read(0, (gl.RGBA, gl.UNSIGNED_BYTE), whole)[..., :3]
+        if n == 1:
+            return np.ascontiguousarray(picture, np.uint8)
+        boxes = picture.reshape(height, n, width, n, 3).astype(np.uint16)
+        return np.asarray((boxes.sum((1, 3)) + n * n // 2) // (n * n), np.uint8)
+
+    def read_ids(self) -> NDArray[np.int32]:
+        """Return what each pixel of the last frame shows, (height, width) int32.
+
+        0 is none (sky); 1 + i is entry i of the list's `terrain`; -1 - (i * 65536 + k)
+        is object k of the tile in entry i of `objects`, with k = 65535 for proxies.
+        """
+        probe = self._probe_last()
+        whole = np.empty(self.size_px[::-1], np.int32)
+        return np.ascontiguousarray(
+            probe.read(1, (gl.RED_INTEGER, gl.INT), whole), np.int32
+        )
+
+    def read_positions(self) -> Ecef:
+        """Return the points that the last frame drew.
+
+        Returns
+        -------
+        points : (height, width, 3) float64 ECEF m, NaN where sky
+        """
+        probe = self._probe_last()
+        assert self._drawn
+        whole = np.empty((*self.size_px[::-1], 4), np.float32)
+        seen = probe.read(0, (gl.RGBA, gl.FLOAT), whole).astype(np.float64)
+        points: Floats = seen[..., :3] + self._drawn[0].eye
+        points[seen[..., 3] == 0.0] = np.nan
+        return Ecef(points)
+
+    def release(self) -> None:
+        """Free the GPU's memory; the renderer can't be used afterwards."""
+        self.gl.guard()
+        for target in (self._target, self._probe):
+            if target:
+                target.release()
+        self.arena.release()
+        for lane in self._lanes.values():
+            lane.release()
+        self._sky.release()
+        self._block_buffer.release()
+
+    def _probe_last(self) -> Target:
+        """Draw positions and ids of the last frame, once."""
+        if self._drawn is None:
+            raise RuntimeError("nothing was drawn yet")
+        if self._probe is None:
+            self._probe = Target(self.gl, self.size_px, (gl.RGBA32F, gl.R32I))
+        if self._probed:
+            return self._probe
+        self._block[:] = frame_block(self._drawn[0], self.look)
+        table = CallTable(self.gl)
+        self._share(table)
+        self._probe.begin(table)
+        for lane, count in self._drawn[1].items():
+            draw = self._lanes[lane].add_draw(table, self._lanes[lane].probe_program)
+            passes.set_draws(table, None, draw, count)
+        table.add("glFinish")
+        table.run()
+        self._probed = True
+        return self._probe

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draw one view until nothing better is to come."""
+
+import time
+
+from geopage.draw_list import DrawList
+from geopage.pager import Pager, Upload
+from geopage.view import ViewState
+from viewer.renderer import FrameStats, Renderer
+
+UPLOAD_BYTES = 8 << 20
+FRAMES = 2  # settled is: nothing wanted and nothing in flight for this many frames
+
+
+class Feeder:
+    """Moves tiles from a pager to a renderer; tiles without room wait for releases."""
+
+    def __init__(self, pager: Pager, renderer: Renderer) -> None:
+        self._pager, self._renderer = pager, renderer
+        self._waiting: list[Upload] = []
+
+    def feed(self, list_number: int, max_bytes: int = UPLOAD_BYTES) -> int:
+        """Free what the pager released, upload what it loaded; returns tiles uploaded.
+
+        Parameters
+        ----------
+        list_number : of the list that was drawn last; its frame is finished
+        """
+        for lane, row in self._pager.releases(list_number):
+            self._renderer.free(lane, row)
+            self._pager.released(lane, row)
+        ready = [*self._waiting, *self._pager.take_uploads(max_bytes)]
+        self._waiting = [item for item in ready if not self._upload(item)]
+        return len(ready) - len(self._waiting)
+
+    def _upload(self, item: Upload) -> bool:
+        if not self._renderer.upload(item.lane, item.row, item.tile):
+            return False
+        self._pager.uploaded(item.lane, item.row)
+        return True
+
+
+def render_settled(
+    pager: Pager,
+    renderer: Renderer,
+    view: ViewState,
+    timeout_s: float = 60.0,
+    *,
+    threads: bool = False,
+) -> tuple[DrawList, FrameStats]:
+    """Page and draw one view until it is settled; its picture is then in the renderer.
+
+    Parameters
+    ----------
+    threads : the pager was started; otherwise it is stepped here
+
+    Raises
+    ------
+    TimeoutError
+        When it is not settled in time.
+    """
+    feeder = Feeder(pager, renderer)
+    pager.view(view)
+    end, still = time.monotonic() + timeout_s, 0
+    drawn = pager.draw_list()
+    while still < FRAMES:
+        if time.monotonic() > end:
+            raise TimeoutError(f"the view is not settled after {timeout_s:g} s")
+        if threads:
+            time.sleep(0.001)
+        else:
+            pager.step(time.monotonic())
+        drawn = pager.draw_list()
+        moved = feeder.feed(drawn.number)
+        still = still + 1 if drawn.settled and pager.settled and not moved else 0
+    return drawn, renderer.draw(drawn, view)

@@ -1,0 +1,12 @@
+out vec3 seen;
+out vec2 place;
+out float sea;
+flat out vec4 draw;
+
+void main() {
+    seen = seen_from_eye() - draw_up.xyz * (draw_up.w * float(flags & 1));
+    place = vec2(detail) / 32768.0;
+    sea = float(flags >> 1 & 1);
+    draw = draw_place;
+    gl_Position = to_clip(seen);
+}

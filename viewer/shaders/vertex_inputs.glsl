@@ -1,0 +1,13 @@
+// One vertex of 16 bytes, and the record of its draw (viewer/cull.py).
+layout(location = 0) in ivec3 step_position;
+layout(location = 1) in int flags;
+layout(location = 2) in uvec2 detail;
+layout(location = 3) in vec4 normal;
+layout(location = 4) in vec4 draw_origin;  // centre - eye, m; metres per step
+layout(location = 5) in vec4 draw_up;      // up; skirt depth, m
+layout(location = 6) in vec4 draw_place;   // grain or seed; layer
+layout(location = 7) in vec4 draw_entry;   // entry in the draw list; screen error, px
+
+vec3 seen_from_eye() {
+    return draw_origin.xyz + vec3(step_position) * draw_origin.w;
+}
