@@ -7,26 +7,29 @@ from pathlib import Path
 import numpy as np
 import pyogrio
 import shapely
-from shapely.geometry.base import BaseGeometry
-
 from common import UTM_10N, VOID, north_up, write_dem
 from contours import contour_dem
-from mvt import EXTENT, Feature, TileSet
+from mvt import Feature, TileSet
+from pyproj import Transformer
+from shapely.geometry.base import BaseGeometry
 
 CELL_M = 10.0
 
 
 def build_terrain(tiles: TileSet, out: Path) -> None:
     """Write ``sanfrancisco.tif``: 10 m, UTM zone 10 N, tenths of metres."""
-    from pyproj import Transformer
-
     left, top, right, bottom = tiles.bounds
-    ring = shapely.get_coordinates(shapely.segmentize(shapely.box(left, top, right, bottom), 256))
+    ring = shapely.get_coordinates(
+        shapely.segmentize(shapely.box(left, top, right, bottom), 256)
+    )
     lon_lat = tiles.to_lon_lat(ring)
     to_utm = Transformer.from_crs("EPSG:4326", "EPSG:32610", always_xy=True)
     x, y = (np.asarray(v) for v in to_utm.transform(lon_lat[:, 0], lon_lat[:, 1]))
     west, north = np.floor(x.min() / CELL_M) * CELL_M, np.ceil(y.max() / CELL_M) * CELL_M
-    size = (int(np.ceil((north - y.min()) / CELL_M)), int(np.ceil((x.max() - west) / CELL_M)))
+    size = (
+        int(np.ceil((north - y.min()) / CELL_M)),
+        int(np.ceil((x.max() - west) / CELL_M)),
+    )
     transform = north_up(west, north, CELL_M, CELL_M)
     heights, covered = contour_dem(tiles, "EPSG:32610", transform, size, 10.0)
     rounded = np.where(covered, np.round(heights, 1), VOID).astype(np.float32)
@@ -89,7 +92,7 @@ def join_pieces(pieces: list[Feature]) -> list[Feature]:
 
 
 def united(parts: list[Feature]) -> Feature:
-    """One feature of several pieces; a pixel's buffer closes the seam's hairline gaps."""
+    """One feature of several pieces."""
     if len(parts) == 1:
         return parts[0]
     shape = shapely.union_all([p.geometry for p in parts])
@@ -97,7 +100,7 @@ def united(parts: list[Feature]) -> Feature:
 
 
 def polygons_of(geometry: BaseGeometry) -> Iterable[BaseGeometry]:
-    """The polygons in a geometry (repair can leave lines and points behind)."""
+    """Return the polygons in a geometry (repair can leave lines and points behind)."""
     parts = getattr(geometry, "geoms", [geometry])
     return [p for p in parts if p.geom_type == "Polygon" and p.area > 4.0]
 
@@ -113,12 +116,16 @@ def build_buildings(tiles: TileSet, out: Path) -> int:
             shapely.multipolygons(list(parts)), lambda xy: np.round(tiles.to_lon_lat(xy), 7)
         )
         shape = shape if shape.is_valid else shapely.make_valid(shape)
-        geometries.append(shape.geoms[0] if len(getattr(shape, "geoms", [])) == 1 else shape)
+        geometries.append(
+            shape.geoms[0] if len(getattr(shape, "geoms", [])) == 1 else shape
+        )
         heights.append(float(feature.properties["height"]))
         bases.append(float(feature.properties.get("min_height", 0)))
         kinds.append(str(feature.properties.get("type", "building")))
     path = out / "sanfrancisco_buildings.gpkg"
     path.unlink(missing_ok=True)
+    # a fixed date, so that building again gives the same bytes
+    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": "2026-01-01T00:00:00Z"})
     pyogrio.raw.write(
         path,
         shapely.to_wkb(np.asarray(geometries, dtype=object)),
@@ -132,6 +139,3 @@ def build_buildings(tiles: TileSet, out: Path) -> int:
         dataset_options={"VERSION": "1.3"},
     )
     return len(geometries)
-
-
-__all__ = ["EXTENT", "build_buildings", "build_terrain"]

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 import rasterio.features
 import shapely
+from mvt import TileSet
 from numpy.typing import NDArray
 from pyproj import Transformer
 from rasterio.transform import Affine
 from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
-
-from mvt import TileSet
 
 Array = NDArray[np.float64]
 BENDING = 0.03
@@ -73,13 +72,17 @@ def bands(
     shapes = [
         (shapely.transform(f.geometry, project), float(f.properties["ele"])) for f in found
     ]
-    band = rasterio.features.rasterize(shapes, size, 0.0, transform=transform, dtype="float64")
+    band = rasterio.features.rasterize(
+        shapes, size, 0.0, transform=transform, dtype="float64"
+    )
     squares = [
         shapely.transform(shapely.segmentize(tiles.square(t), 512.0), project)
         for t in tiles.layers
     ]
     # one area, a little grown, so that no cell falls between two tiles
-    whole = shapely.union_all([s.buffer(1e-6 * max(1.0, abs(transform.e))) for s in squares])
+    whole = shapely.union_all(
+        [s.buffer(1e-6 * max(1.0, abs(transform.e))) for s in squares]
+    )
     covered = rasterio.features.rasterize([whole], size, 0, transform=transform)
     return np.asarray(band), covered.astype(bool)
 
@@ -138,7 +141,7 @@ def fit_block(lines: Lines, row0: int, col0: int, rows: int, columns: int) -> Ar
 
 
 def surface(lines: Lines, size: tuple[int, int]) -> Array:
-    """The whole surface: overlapping blocks joined with smooth weights."""
+    """Return the whole surface: overlapping blocks joined with smooth weights."""
     total, weight = np.zeros(size), np.zeros(size)
     for row0 in range(0, size[0], BLOCK):
         for col0 in range(0, size[1], BLOCK):

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from common import GEOGRAPHIC, north_up, write_dem
 from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
-
-from common import GEOGRAPHIC, north_up, write_dem
 
 ROWS, COLUMNS = 1080, 2160
 STEP_DEG = 180.0 / ROWS
@@ -117,7 +116,7 @@ def greenland_ice(packages: Path, bed_m: Array) -> NDArray[np.bool_]:
 
 
 def plastic_surface(
-    bed_m: Array, ice: NDArray[np.bool_], k_m: float, coast: NDArray[np.bool_] | bool = True
+    bed_m: Array, ice: NDArray[np.bool_], k_m: float, coast: NDArray[np.bool_]
 ) -> Array:
     """Surface of a perfectly plastic ice sheet (Nye 1951; Reeh 1982) on a real bed.
 
@@ -147,14 +146,16 @@ def plastic_surface(
     return np.maximum(surface, bed_m)
 
 
-def greenland_surface(packages: Path, bed_m: Array) -> tuple[Array, NDArray[np.bool_], float]:
-    """Greenland's ice surface, where it is, its one free number set by the height of the summit."""
+def greenland_surface(
+    packages: Path, bed_m: Array
+) -> tuple[Array, NDArray[np.bool_], float]:
+    """Return Greenland's ice surface, where it is, and ``k_m``, set by the summit."""
     ice = greenland_ice(packages, bed_m)
     row, column = int((90 - SUMMIT[0]) / STEP_DEG), int((180 + SUMMIT[1]) / STEP_DEG)
     low, high = 2.0, 40.0
     for _ in range(9):
         middle = 0.5 * (low + high)
-        surface = plastic_surface(bed_m, ice, middle)
+        surface = plastic_surface(bed_m, ice, middle, np.ones_like(ice))
         low, high = (middle, high) if surface[row, column] < SUMMIT[2] else (low, middle)
     return smooth_on_sphere(surface, ice, 1.5), ice, middle
 
@@ -174,7 +175,9 @@ def build_earth(packages: Path, out: Path) -> Array:
     height = with_ice(height, surface, ice)
     height = with_ice(height, *antarctic_surface(packages, height, k_m))
     transform = north_up(-180.0, 90.0, STEP_DEG, STEP_DEG)
-    write_dem(out / "earth.tif", np.rint(height).astype(np.int16), GEOGRAPHIC, transform, None)
+    write_dem(
+        out / "earth.tif", np.rint(height).astype(np.int16), GEOGRAPHIC, transform, None
+    )
     return height
 
 

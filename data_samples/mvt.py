@@ -45,11 +45,11 @@ class TileSet:
         return left, top, right, bottom
 
     def square(self, tile: tuple[int, int], margin: float = 0.0) -> BaseGeometry:
-        """A tile's own square, without its buffer."""
+        """Return a tile's own square, without its buffer."""
         x, y = tile[0] * EXTENT, tile[1] * EXTENT
         return shapely.box(x - margin, y - margin, x + EXTENT + margin, y + EXTENT + margin)
 
-    def features(self, layer: str, cut: bool = True) -> list[Feature]:
+    def features(self, layer: str, *, cut: bool = True) -> list[Feature]:
         """All features of ``layer``; ``cut`` drops what lies in the tiles' buffers."""
         out: list[Feature] = []
         for tile, layers in self.layers.items():

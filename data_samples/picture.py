@@ -4,11 +4,9 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
-
 from common import GEOGRAPHIC, north_up, write_rgb_jpeg
 from earth import Array, blue_marble
+from scipy import ndimage
 
 WIDTH, HEIGHT = 5400, 2700
 DEPTHS_M = (-6000.0, -4000.0, -2500.0, -800.0, -150.0, -40.0, 0.0)
@@ -25,7 +23,7 @@ WHITE_RGB = (240, 245, 250)
 
 
 def resampled(values: Array) -> Array:
-    """The 10' elevations at the picture's pixels."""
+    """Return the 10' elevations at the picture's pixels."""
     rows = (np.arange(HEIGHT) + 0.5) * len(values) / HEIGHT - 0.5
     columns = (np.arange(WIDTH) + 0.5) * values.shape[1] / WIDTH - 0.5
     at = np.meshgrid(rows, columns, indexing="ij")
@@ -69,5 +67,5 @@ def build_picture(packages: Path, out: Path, height_m: Array) -> None:
     land = brightened(picture)
     mixed = land * (1.0 - share) + sea_colour(height) * share
     transform = north_up(-180.0, 90.0, 360.0 / WIDTH, 180.0 / HEIGHT)
-    final: NDArray[np.uint8] = np.rint(mixed).astype(np.uint8)
+    final = np.rint(mixed).astype(np.uint8)
     write_rgb_jpeg(out / "earth_picture.tif", final, GEOGRAPHIC, transform, 85)

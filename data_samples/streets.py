@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from mvt import TileSet
 from numpy.typing import NDArray
 from pyproj import Transformer
-
-from mvt import TileSet
 
 Array = NDArray[np.float64]
 
@@ -61,14 +60,14 @@ class Streets:
         return float(distance.min())
 
 
-def projector(tiles: TileSet) -> Transformer:
+def projector() -> Transformer:
     """Longitude and latitude to the metres used here."""
     return Transformer.from_crs("EPSG:4326", "EPSG:32610", always_xy=True)
 
 
 def read_streets(tiles: TileSet, footprints: list[shapely.Geometry]) -> Streets:
     """Street names' lines (from the labels' layer) and footprints, in metres."""
-    to_utm = projector(tiles)
+    to_utm = projector()
 
     def project(xy: Array) -> Array:
         lon_lat = tiles.to_lon_lat(xy)

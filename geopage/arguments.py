@@ -51,7 +51,9 @@ def numbers(
             raise argparse.ArgumentTypeError(f"expected {names}, got {text!r}")
         for value, (low, high) in zip(values, limits, strict=False):
             if not low <= value <= high:
-                raise argparse.ArgumentTypeError(f"{value:g} in {text!r} is not in {low}..{high}")
+                raise argparse.ArgumentTypeError(
+                    f"{value:g} in {text!r} is not in {low}..{high}"
+                )
         return values
 
     return read

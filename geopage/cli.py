@@ -70,7 +70,10 @@ def guarded(command: Command, words: list[str]) -> int:
     except (InputError, TileFault) as error:
         print(f"geopage: {error}", file=sys.stderr)
     except sqlite3.DatabaseError as error:
-        print(f"geopage: the store can't be used ({error}); run geopage check", file=sys.stderr)
+        print(
+            f"geopage: the store can't be used ({error}); run geopage check",
+            file=sys.stderr,
+        )
     except KeyboardInterrupt:
         print("geopage: stopped; what was reported done is kept", file=sys.stderr)
         return 130

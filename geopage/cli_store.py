@@ -2,7 +2,6 @@
 """`geopage info`, `geopage check` and `geopage sample`."""
 
 import csv
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from geopage.arguments import LAT_LON, Parser, print_json
 from geopage.overview import overview, overview_lines
 from tiles.check import faults_of
 from tiles.errors import InputError
-from tiles.forest import build_forest
 from tiles.lanes import Lane
 from tiles.places import Places
 from tiles.store import Store
@@ -20,7 +18,9 @@ from tiles.store import Store
 
 def info(words: list[str]) -> int:
     """Say what a store holds."""
-    parser = Parser("info", "Say what a store holds: sources, and cells, bytes, errors a level.")
+    parser = Parser(
+        "info", "Say what a store holds: sources, and cells, bytes, errors a level."
+    )
     parser.add_argument("store", type=Path)
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     given = parser.read(words)
@@ -36,20 +36,29 @@ def info(words: list[str]) -> int:
 def check(words: list[str]) -> int:
     """Verify a store; 1 when something is wrong with it."""
     parser = Parser(
-        "check", "Verify every tile's checksum and every invariant; exit 1 when one is broken."
+        "check",
+        "Verify every tile's checksum and every invariant; exit 1 when one is broken.",
     )
     parser.add_argument("store", type=Path)
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     given = parser.read(words)
     with Store(given.store) as store:
         faults = list(faults_of(store))
-        count = sum(int((store.index(lane)["row"] > 0).sum()) for lane in Lane) if not faults else 0
+        count = (
+            sum(int((store.index(lane)["row"] > 0).sum()) for lane in Lane)
+            if not faults
+            else 0
+        )
     if given.json:
         print_json({"ok": not faults, "tiles": count, "faults": faults})
     else:
         for fault in faults:
             print(fault)
-        print(f"{given.store}: {len(faults)} faults" if faults else f"{given.store}: sound, {count} tiles")
+        print(
+            f"{given.store}: {len(faults)} faults"
+            if faults
+            else f"{given.store}: sound, {count} tiles"
+        )
     return 1 if faults else 0
 
 
@@ -112,6 +121,8 @@ def read_points(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]
             except (TypeError, ValueError):
                 place = np.nan, np.nan
             if not (abs(place[0]) <= 90 and abs(place[1]) <= 360):
-                raise InputError(path, f"line {number} is no place", "give degrees, lat then lon")
+                raise InputError(
+                    path, f"line {number} is no place", "give degrees, lat then lon"
+                )
             found.append(place)
     return np.array(found).reshape(-1, 2)

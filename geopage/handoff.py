@@ -53,7 +53,13 @@ class Signal:
         self._closed = False
 
     def set(self) -> None:
-        """Raise the flag and wake the waiting thread."""
+        """Raise the flag and wake the waiting thread.
+
+        What is to be seen must be there before the call: a flag that is already up costs
+        nothing, and who lowers it looks afterwards.
+        """
+        if self._raised:
+            return
         with self._changed:
             if not self._raised:
                 self._raised = True

@@ -47,6 +47,58 @@ class ObjectPlan(NamedTuple):
     held: U1
 
 
+class Objects(NamedTuple):
+    """What the passes come to."""
+
+    drawn: Rows
+    """(d,) rows"""
+    own: U1
+    """(d,) 1 where own objects are drawn"""
+    proxies: U1
+    """(d,) bit k: the proxy of child k is drawn"""
+    needed: Rows
+    """rows whose tiles are drawn, or asked for early, when all is there"""
+    wanted: Rows
+    """(w,) rows, each once"""
+    benefit: F8
+    error_px: F8
+    now: int
+    """the first so many wants are for drawing, the others are early"""
+
+
+@kernel
+def select_objects(
+    tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1
+) -> Objects:
+    """Run the passes twice, in one call without the GIL: to draw, and to ask early."""
+    plan = visit(tree, lens, tau, object_tau, uploaded)
+    covered = cover_objects(tree, plan, uploaded)
+    taken, own, proxies, stand = emit_objects(tree, plan, uploaded, covered)
+    rows, benefit, error_px = want_objects(tree, lens, plan, uploaded, covered, stand)
+    early = visit(tree, lens, tau / ASK_EARLIER, object_tau / ASK_EARLIER, uploaded)
+    covered = cover_objects(tree, early, uploaded)
+    _, _, _, stand = emit_objects(tree, early, uploaded, covered)
+    soon, benefit_soon, error_soon = want_objects(
+        tree, lens, early, uploaded, covered, stand
+    )
+    new = np.ones(len(tree.parent), np.bool_)
+    new[rows] = False
+    first = new[soon]
+    needed = np.zeros(len(tree.parent), np.bool_)
+    for one in (plan, early):
+        needed[one.rows[((one.own | one.proxies) > 0) & (one.held == 0)]] = True
+    return Objects(
+        plan.rows[taken],
+        own,
+        proxies,
+        np.flatnonzero(needed).astype(np.int32),
+        np.concatenate((rows, soon[first])),
+        np.concatenate((benefit, benefit_soon[first])),
+        np.concatenate((error_px, error_soon[first])),
+        len(rows),
+    )
+
+
 @kernel
 def visit(
     tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1

@@ -37,9 +37,9 @@ from tiles.frames import Ecef
 from tiles.lanes import Lane
 from tiles.store import Store
 
-SCENE_PERIOD_S = 1 / 60
+SCENE_PERIOD_S = 1 / 40
 LEAST_PAUSE_S = 2e-3
-SWITCH_INTERVAL_S = 1e-4
+SWITCH_INTERVAL_S = 1e-3
 CLOSE_S = 2.0
 _DECODE: dict[Lane, Callable[[bytes], object]] = {
     Lane.TERRAIN: terrain.decode,

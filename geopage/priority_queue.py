@@ -23,7 +23,7 @@ class _Requests:
     """One lane's requests; the queue's lock protects them."""
 
     def __init__(self, count: int) -> None:
-        self.generation = 0
+        self.generation = 1
         self.wanted = np.zeros(count, np.int64)
         """(n,) generation that last wanted the row"""
         self.rank = np.full(count, np.inf)

@@ -48,6 +48,7 @@ class Residency:
         """number of the newest snapshot, and of the list made from it"""
         self.stuck: dict[Lane, bool] = {}
         """the lane's best request finds no room, and nothing may go"""
+        self.has_failures = False
         self.ready: dict[Key, Any] = {}
         """decoded tiles that the renderer may take"""
         self.released: deque[tuple[int, Lane, int]] = deque()
@@ -147,6 +148,10 @@ class Residency:
         table = self._tables[lane]
         return np.asarray(table.cost[rows] + table.stored[rows])
 
+    def state(self, lane: Lane, row: int) -> State:
+        """Return the state of a tile."""
+        return State(int(self._tables[lane].state[row]))
+
     def failed(self, lane: Lane, rows: Rows) -> NDArray[np.bool_]:
         """Say which tiles can't be had, (w,)."""
         return np.asarray(self._tables[lane].state[rows] == State.FAILED)
@@ -191,6 +196,7 @@ class Residency:
         """Never ask for a tile again. Thread: its server."""
         with self._lock:
             self._move(lane, row, State.FAILED)
+            self.has_failures = True
 
     def count_read(self, stored_bytes: int) -> None:
         """Count bytes that came from the store. Thread: servers."""

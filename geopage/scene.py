@@ -56,6 +56,8 @@ class SceneManager:
         self._previous: Selection | None = None
         self._newest: ViewState | None = None
         self._newest_s = 0.0
+        self._turn = 0
+        self._later: dict[float, Selection] = {}
         self.moving = False
 
     def step(self, now_s: float) -> bool:
@@ -104,11 +106,15 @@ class SceneManager:
     def _look_ahead(
         self, view: ViewState, motion: Motion | None, uploaded: Flags, limits: Thresholds
     ) -> Later:
+        """Look at one of the predicted views each time, in turn: that is often enough."""
         if motion is None:
+            self._later = {}
             return []
-        trees = self._world.trees
-        lenses = [(weight, lens_of(predict(view, motion, t_s))) for t_s, weight in AHEAD]
-        return [(weight, select(trees, lens, uploaded, limits)) for weight, lens in lenses]
+        self._turn = (self._turn + 1) % len(AHEAD)
+        ahead_s, weight = AHEAD[self._turn]
+        lens = lens_of(predict(view, motion, ahead_s))
+        self._later[weight] = select(self._world.trees, lens, uploaded, limits)
+        return list(self._later.items())
 
     def _motion(self, history: Sequence[ViewState]) -> Motion | None:
         ground_m = ground_under(self._world.forests[Lane.TERRAIN], history[-1].eye)
@@ -124,7 +130,7 @@ class SceneManager:
     def _book_drawn(self, chosen: Selection) -> None:
         for lane, rows in ((Lane.TERRAIN, chosen.terrain), (Lane.OBJECTS, chosen.objects)):
             wants = chosen.wants[lane]
-            self._residency.drew(lane, rows, wants.rows[wants.now])
+            self._residency.drew(lane, rows, wants.rows[: wants.now])
 
     def _request(self, chosen: Selection, later: Later) -> bool:
         """Hand each lane's wants to its manager; say whether there are any."""
@@ -139,11 +145,12 @@ class SceneManager:
 
     def _possible(self, lane: Lane, wants: Wants) -> Wants:
         """Leave out tiles that have failed."""
-        possible = ~self._residency.failed(lane, wants.rows)
-        if possible.all():
+        if not self._residency.has_failures:
             return wants
+        possible = ~self._residency.failed(lane, wants.rows)
         rows, benefit = wants.rows[possible], wants.benefit[possible]
-        return Wants(rows, benefit, wants.error_px[possible], wants.now[possible])
+        now = int(possible[: wants.now].sum())
+        return Wants(rows, benefit, wants.error_px[possible], now)
 
     def _has_globe(self, uploaded: Flags) -> bool:
         """Say whether all zones can be drawn, as far as they can be had at all."""

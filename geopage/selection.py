@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage import object_selection as objects
-from geopage import terrain_selection as terrain
 from geopage.draw_list import DrawList
+from geopage.object_selection import select_objects
 from geopage.screen_error import Lens, lens_of
+from geopage.terrain_selection import select_terrain
 from geopage.tree import F8, U1, Tree, tree_of
 from geopage.view import ViewState
 from tiles import cells
@@ -37,15 +37,15 @@ class Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Wants:
-    """The missing tiles of one lane, in no order, each row once."""
+    """The missing tiles of one lane, each row once."""
 
     rows: Rows
     benefit: F8
     """(w,) screen error times area removed for each byte read; larger is better"""
     error_px: F8
     """(w,) screen error of what is drawn there now"""
-    now: NDArray[np.bool_]
-    """(w,) False: asked for a little before it will be drawn"""
+    now: int
+    """the first so many are needed now, the others a little before they are drawn"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,80 +108,33 @@ def select(
     refined : the last selection's; with it detail changes with hysteresis and stays
         while coarser tiles are on their way
     """
-    land, flags = trees[Lane.TERRAIN], uploaded[Lane.TERRAIN]
+    land, town = trees[Lane.TERRAIN], trees[Lane.OBJECTS]
     before = np.zeros(len(land.parent), np.uint8) if refined is None else refined
-    plan = terrain.refine(land, lens, limits.terrain_px, flags, before)
-    _, by_children = terrain.cover(plan, flags)
-    taken, stand = terrain.emit(plan, flags, by_children)
-    wanted = terrain.want(land, lens, plan, flags, by_children, stand)
-    drawn = plan.rows[taken]
-    targets = plan.rows[plan.kind == terrain.TARGET]
-    refined = np.zeros(len(land.parent), np.uint8)
-    refined[plan.rows[plan.below >= 0]] = 1
-    things = _select_objects(trees[Lane.OBJECTS], lens, uploaded[Lane.OBJECTS], limits)
-    land_wants = Wants(*wanted, np.ones(len(wanted[0]), np.bool_))
+    ground = select_terrain(land, lens, limits.terrain_px, uploaded[Lane.TERRAIN], before)
+    things = select_objects(
+        town, lens, limits.terrain_px, limits.objects_px, uploaded[Lane.OBJECTS]
+    )
+    terrain_wants = Wants(
+        ground.wanted, ground.benefit, ground.error_px, len(ground.wanted)
+    )
+    object_wants = Wants(things.wanted, things.benefit, things.error_px, things.now)
+    needed_bytes = land.memory_bytes[ground.targets].sum()
+    needed_bytes += town.memory_bytes[things.needed].sum()
     return Selection(
-        drawn,
-        terrain.skirts(land, drawn),
-        plan.kind[taken] == terrain.REFINED,
-        things.rows,
-        things.own,
+        ground.drawn,
+        ground.skirt_m,
+        ground.stand_in.view(np.bool_),
+        things.drawn,
+        things.own.view(np.bool_),
         things.proxies,
-        {Lane.TERRAIN: land_wants, Lane.OBJECTS: things.wants},
-        {Lane.TERRAIN: np.concatenate((drawn, targets)), Lane.OBJECTS: things.keep},
-        refined,
-        int(land.memory_bytes[targets].sum()) + things.needed_bytes,
+        {Lane.TERRAIN: terrain_wants, Lane.OBJECTS: object_wants},
+        {
+            Lane.TERRAIN: np.concatenate((ground.drawn, ground.targets)),
+            Lane.OBJECTS: np.concatenate((things.drawn, things.needed)),
+        },
+        ground.refined,
+        int(needed_bytes),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Things:
-    """The objects' part of a selection."""
-
-    rows: Rows
-    own: NDArray[np.bool_]
-    proxies: U1
-    wants: Wants
-    keep: Rows
-    needed_bytes: int
-
-
-def _select_objects(tree: Tree, lens: Lens, uploaded: U1, limits: Thresholds) -> _Things:
-    """Draw at the thresholds, and ask for tiles a little earlier."""
-    plan, covered, emitted = _plan_objects(tree, lens, uploaded, limits)
-    taken, own, proxies, stand = emitted
-    now = objects.want_objects(tree, lens, plan, uploaded, covered, stand)
-    needed = plan.rows[((plan.own | plan.proxies) > 0) & (plan.held == 0)]
-    early, covered, (_, _, _, stand) = _plan_objects(
-        tree, lens, uploaded, limits.times(1 / objects.ASK_EARLIER)
-    )
-    soon = objects.want_objects(tree, lens, early, uploaded, covered, stand)
-    asked = early.rows[((early.own | early.proxies) > 0) & (early.held == 0)]
-    drawn = plan.rows[taken]
-    return _Things(
-        drawn,
-        own > 0,
-        proxies,
-        _joined(now, soon),
-        np.unique(np.concatenate((drawn, needed, asked))),
-        int((tree.memory_bytes * tree.has_tile)[asked].sum()),
-    )
-
-
-def _plan_objects(
-    tree: Tree, lens: Lens, uploaded: U1, limits: Thresholds
-) -> tuple[objects.ObjectPlan, U1, tuple[Rows, U1, U1, Rows]]:
-    plan = objects.visit(tree, lens, limits.terrain_px, limits.objects_px, uploaded)
-    covered = objects.cover_objects(tree, plan, uploaded)
-    return plan, covered, objects.emit_objects(tree, plan, uploaded, covered)
-
-
-def _joined(now: tuple[Rows, F8, F8], soon: tuple[Rows, F8, F8]) -> Wants:
-    """Join two lists of wants; a row that is in both counts as wanted now."""
-    rows = np.concatenate((now[0], soon[0]))
-    _, first = np.unique(rows, return_index=True)
-    benefit, error_px = np.concatenate((now[1], soon[1])), np.concatenate((now[2], soon[2]))
-    return Wants(rows[first], benefit[first], error_px[first], first < len(now[0]))
 
 
 def everything(trees: Mapping[Lane, Tree]) -> dict[Lane, U1]:

@@ -45,6 +45,46 @@ class Plan(NamedTuple):
     """place of the parent in this plan, -1 for roots"""
 
 
+class Terrain(NamedTuple):
+    """What the passes come to."""
+
+    drawn: Rows
+    """(d,) rows"""
+    skirt_m: F4
+    """(d,)"""
+    stand_in: U1
+    """(d,) 1 where the tile is coarser than its target"""
+    targets: Rows
+    refined: U1
+    """(n,) 1 where it went on to the children: `before` of the next selection"""
+    wanted: Rows
+    """(w,) rows"""
+    benefit: F8
+    error_px: F8
+
+
+@kernel
+def select_terrain(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Terrain:
+    """Run the passes, in one call without the GIL; see each for its parameters."""
+    plan = refine(tree, lens, tau, uploaded, before)
+    _, by_children = cover(plan, uploaded)
+    taken, stand = emit(plan, uploaded, by_children)
+    drawn = plan.rows[taken]
+    wanted, benefit, error_px = want(tree, lens, plan, uploaded, by_children, stand)
+    refined = np.zeros(len(tree.parent), np.uint8)
+    refined[plan.rows[plan.below >= 0]] = 1
+    return Terrain(
+        drawn,
+        skirts(tree, drawn),
+        (plan.kind[taken] == REFINED).astype(np.uint8),
+        plan.rows[plan.kind == TARGET],
+        refined,
+        wanted,
+        benefit,
+        error_px,
+    )
+
+
 @kernel
 def refine(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Plan:
     """Walk down until the screen error is at most `tau` pixels.

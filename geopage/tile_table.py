@@ -2,7 +2,6 @@
 """What the residency knows about one lane's tiles, as arrays over the forest's rows."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geopage.tile_state import State
 from geopage.tree import U1, Tree
@@ -14,8 +13,8 @@ class LaneTable:
     def __init__(self, tree: Tree) -> None:
         n = len(tree.parent)
         self.state = np.zeros(n, np.uint8)
-        self.cost: NDArray[np.int64] = tree.memory_bytes
-        self.stored: NDArray[np.int64] = tree.tile_bytes
+        self.cost = tree.memory_bytes
+        self.stored = tree.tile_bytes
         self.last_used = np.zeros(n, np.int64)
         """number of the newest list that drew or will draw the tile"""
         self.drawn: U1 = np.zeros(n, np.uint8)

@@ -139,15 +139,6 @@ def rebuild_objects(
     return Rebuilt(report, noted)
 
 
-def rebuild_after_terrain(store: str | Path, progress: Progress = silent) -> dict[str, Any]:
-    """Ground the buildings of a store again; an empty report where there are none."""
-    with Writer(store) as writer:
-        found = writer.connection.execute("SELECT EXISTS(SELECT 1 FROM object)").fetchone()
-        if not found[0]:
-            return {}
-        return rebuild_objects(writer, ground_of(writer), progress).report
-
-
 def remove_buildings(
     store: str | Path, name: str, progress: Progress = silent
 ) -> dict[str, Any]:

@@ -37,7 +37,9 @@ class Bars:
         if what != self._what:
             self.close()
             self._what = what
-            self._bar = tqdm(total=total, desc=what, delay=QUIET_S, file=sys.stderr, leave=True)
+            self._bar = tqdm(
+                total=total, desc=what, delay=QUIET_S, file=sys.stderr, leave=True
+            )
         self._bar.total = total
         self._bar.update(done - self._bar.n)
 
@@ -107,7 +109,9 @@ def terrain(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
 
 def imagery(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
     """Ingest pictures."""
-    files = [(path, RasterOptions("imagery", given.name, given.crs)) for path in given.sources]
+    files = [
+        (path, RasterOptions("imagery", given.name, given.crs)) for path in given.sources
+    ]
     return rasters(given, files, bars)
 
 
@@ -141,7 +145,9 @@ def buildings(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
         return ingest_buildings(given.store, given.sources, options, progress=bars)
     with Store(given.store) as reader:
         ground = ground_of(reader)
-        return ingest_buildings(given.store, given.sources, options, ground=ground, progress=bars)
+        return ingest_buildings(
+            given.store, given.sources, options, ground=ground, progress=bars
+        )
 
 
 def ground_of(reader: Store) -> Ground | None:
@@ -164,16 +170,21 @@ def parser_of_ingest() -> argparse.ArgumentParser:
     ):
         kind = kinds.add_parser(name, help=text, description=f"Ingest {text}.")
         kind.set_defaults(run=run)
-        kind.add_argument("store", type=Path, help="the .geopage file; made when it is not there")
+        kind.add_argument(
+            "store", type=Path, help="the .geopage file; made when it is not there"
+        )
         kind.add_argument("sources", type=Path, nargs="+", metavar="SRC")
         kind.add_argument("--name", help="name of the source (default: the file's name)")
         kind.add_argument("--crs", help="CRS of files that lack one, for example EPSG:4326")
         kind.add_argument("--bare", action="store_true", help="a new store starts empty")
-        kind.add_argument("--strict", action="store_true", help="exit 1 when anything is skipped")
+        kind.add_argument(
+            "--strict", action="store_true", help="exit 1 when anything is skipped"
+        )
         kind.add_argument("--json", action="store_true", help="one JSON object on stdout")
         if name == "terrain":
             kind.add_argument(
-                "--datum", help="vertical datum: egm96, ellipsoid or EPSG:n (default: the file's)"
+                "--datum",
+                help="vertical datum: egm96, ellipsoid or EPSG:n (default: the file's)",
             )
         if name == "buildings":
             building_arguments(kind)
@@ -184,11 +195,17 @@ def building_arguments(kind: argparse.ArgumentParser) -> None:
     """Add what only footprints have."""
     kind.add_argument("--height", metavar="FIELD", help="height of the top above ground")
     kind.add_argument("--levels", metavar="FIELD", help="number of floors, 3 m each")
-    kind.add_argument("--base", metavar="FIELD", help="height of the lower edge above ground")
+    kind.add_argument(
+        "--base", metavar="FIELD", help="height of the lower edge above ground"
+    )
     kind.add_argument("--default-height", type=float, default=6.0, metavar="M")
-    kind.add_argument("--units", choices=("m", "ft"), default="m", help="of the height field")
+    kind.add_argument(
+        "--units", choices=("m", "ft"), default="m", help="of the height field"
+    )
     kind.add_argument("--layer", help="layer of a file that has several")
-    kind.add_argument("--report", type=Path, metavar="OUT.gpkg", help="what was skipped or repaired")
+    kind.add_argument(
+        "--report", type=Path, metavar="OUT.gpkg", help="what was skipped or repaired"
+    )
 
 
 def remove(words: list[str]) -> int:

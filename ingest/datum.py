@@ -6,14 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pyproj
-from pyproj.exceptions import ProjError
+import rasterio
+from rasterio.errors import RasterioError
 
 from tiles.errors import InputError
 from tiles.frames import Floats
+from tiles.kernels import kernel
 from tiles.samples import SAMPLES
 
 GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
 EPSG = {5773: "egm96", 5171: "egm96", 3855: "egm2008", 4979: "ellipsoid", 4326: "ellipsoid"}
+UNITS_M = {"ft": 0.3048, "foot": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937}
+UNITS_M |= {"cm": 0.01, "centimetre": 0.01, "dm": 0.1, "mm": 0.001, "km": 1000.0}
+"""Units that a band may state; metres otherwise."""
 ADVICE = "state one with --datum egm96 or --datum ellipsoid"
 
 
@@ -31,7 +36,9 @@ def datum_of(path: str | Path, stated: str | None, file_crs: str | None) -> str:
     """
     found = _stated(stated) if stated else _of_crs(file_crs)
     if found is None:
-        reason = f"unknown vertical datum {stated!r}" if stated else "vertical datum not known"
+        reason = (
+            f"unknown vertical datum {stated!r}" if stated else "vertical datum not known"
+        )
         raise InputError(path, reason, ADVICE)
     if found not in {"ellipsoid", *GRIDS}:
         raise InputError(path, f"no grid for vertical datum {found}", ADVICE)
@@ -55,14 +62,30 @@ def _of_crs(wkt: str | None) -> str | None:
     return "ellipsoid" if len(crs.axis_info) == 3 else None
 
 
+def unit_m(stated: str | None, file_crs: str | None, band_unit: str | None) -> float:
+    """Return the metres of a source's unit of height.
+
+    A stated datum is metres, unless the file itself says what its band holds.
+    """
+    if band_unit:
+        return UNITS_M.get(band_unit.lower(), 1.0)
+    crs = pyproj.CRS.from_user_input(file_crs) if file_crs and not stated else None
+    vertical = crs.sub_crs_list[1] if crs is not None and crs.is_compound else None
+    return float(vertical.axis_info[0].unit_conversion_factor) if vertical else 1.0
+
+
 @cache
-def _shift(datum: str) -> pyproj.Transformer:
-    grid = GRIDS[datum]
-    return pyproj.Transformer.from_pipeline(
-        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad"
-        f" +step +proj=vgridshift +grids={grid} +multiplier=1"
-        " +step +proj=unitconvert +xy_in=rad +xy_out=deg"
-    )
+def _grid(datum: str) -> Floats:
+    """Read a geoid grid of the whole globe: rows from 90 N, columns from 180 W, m."""
+    try:
+        with rasterio.open(GRIDS[datum], driver="GTiff") as dataset:
+            stored = dataset.read(1).astype(np.float64)
+            return np.asarray(stored * dataset.scales[0] + dataset.offsets[0])
+    except RasterioError as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(
+            GRIDS[datum], f"geoid grid can't be read ({reason})", "install geopage again"
+        ) from error
 
 
 def undulation_m(datum: str, lon_rad: Floats, lat_rad: Floats) -> Floats:
@@ -74,10 +97,23 @@ def undulation_m(datum: str, lon_rad: Floats, lat_rad: Floats) -> Floats:
     """
     if datum == "ellipsoid":
         return np.zeros(np.broadcast(lon_rad, lat_rad).shape)
-    lon_deg = (np.degrees(lon_rad) + 180.0) % 360.0 - 180.0
-    lat_deg = np.clip(np.degrees(lat_rad), -90.0, 90.0)
-    try:
-        shifted = _shift(datum).transform(lon_deg, lat_deg, np.zeros_like(lon_deg))
-    except ProjError as error:
-        raise InputError(GRIDS[datum], f"geoid grid can't be used ({error})", ADVICE) from error
-    return np.asarray(shifted[2])
+    lon, lat = np.broadcast_arrays(lon_rad, lat_rad)
+    found = _bilinear(_grid(datum), lon.ravel() + 0.0, lat.ravel() + 0.0)
+    return np.asarray(found.reshape(lon.shape))
+
+
+@kernel
+def _bilinear(grid: Floats, lon_rad: Floats, lat_rad: Floats) -> Floats:
+    """Interpolate a grid of the globe as PROJ's `vgridshift` does, (n,) m."""
+    height, width = grid.shape
+    out = np.empty(len(lon_rad))
+    for i in range(len(lon_rad)):
+        x = (lon_rad[i] / (2.0 * np.pi) + 0.5) % 1.0 * width
+        y = min(max(0.5 - lat_rad[i] / np.pi, 0.0), 1.0) * (height - 1)
+        c, r = int(x), min(int(y), height - 2)
+        fx, fy = x - c, y - r
+        c, east = c % width, (c + 1) % width
+        north = grid[r, c] * (1.0 - fx) + grid[r, east] * fx
+        south = grid[r + 1, c] * (1.0 - fx) + grid[r + 1, east] * fx
+        out[i] = north * (1.0 - fy) + south * fy
+    return out

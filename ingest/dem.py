@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Open a raster, and refuse in one line what can't be placed on the earth."""
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyproj
 import rasterio
-from rasterio.errors import RasterioError, RasterioIOError
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
@@ -58,15 +59,32 @@ def open_raster(path: str | Path) -> rasterio.DatasetReader:
     path = Path(path)
     if not path.exists():
         raise InputError(path, "no such file", "check the path")
+    driver = DRIVERS.get(path.suffix.lower(), "GTiff")
     try:
-        return rasterio.open(path, driver=DRIVERS.get(path.suffix.lower(), "GTiff"))
-    except (RasterioIOError, RasterioError) as error:
-        reason = str(error).splitlines()[0].replace(str(path), "file")
-        advice = "give a GeoTIFF, HGT or VRT file"
-        raise InputError(path, f"can't be read as a raster ({reason})", advice) from error
+        with warnings.catch_warnings():
+            # `describe` refuses it, in a line of its own.
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            dataset = rasterio.open(path, driver=driver)
+    except (RasterioError, OSError) as error:
+        raise unreadable(path, error) from error
+    if not dataset.count:
+        raise InputError(path, "holds several rasters", "extract one with gdal_translate")
+    if np.dtype(dataset.dtypes[0]).kind == "c":
+        raise InputError(path, "holds complex numbers", "give elevations in metres")
+    return dataset
 
 
-def describe(path: str | Path, dataset: rasterio.DatasetReader, crs: str | None) -> RasterInfo:
+def unreadable(path: str | Path, error: Exception) -> InputError:
+    """Say in one line why GDAL can't read a file."""
+    reason = (str(error).splitlines() or [type(error).__name__])[0]
+    reason = reason.replace(f"'{path}'", "it").replace(str(path), "it").rstrip(".")
+    advice = "give a GeoTIFF, HGT or VRT file"
+    return InputError(path, f"can't be read as a raster ({reason})", advice)
+
+
+def describe(
+    path: str | Path, dataset: rasterio.DatasetReader, crs: str | None
+) -> RasterInfo:
     """Place a raster on the earth.
 
     Parameters
@@ -80,16 +98,21 @@ def describe(path: str | Path, dataset: rasterio.DatasetReader, crs: str | None)
     """
     wkt = crs or (dataset.crs.to_wkt() if dataset.crs else None)
     if wkt is None:
-        raise InputError(path, "has no CRS", "name it with --crs, for example --crs EPSG:4326")
+        raise InputError(
+            path, "has no CRS", "name it with --crs, for example --crs EPSG:4326"
+        )
     try:
         horizontal = _horizontal(pyproj.CRS.from_user_input(wkt))
     except pyproj.exceptions.CRSError as error:
         raise InputError(path, f"unknown CRS {wkt[:60]!r}", "give --crs EPSG:n") from error
     if dataset.transform.is_identity:
-        raise InputError(path, "has no georeference", "write one with gdal_translate -a_ullr")
+        raise InputError(
+            path, "has no georeference", "write one with gdal_translate -a_ullr"
+        )
     transform = tuple(dataset.transform)[:6]
     bounds = _bounds_deg(horizontal, dataset)
-    wraps = horizontal.is_geographic and abs(abs(transform[0]) * dataset.width - 360) < 1e-6
+    turn = abs(transform[0]) * dataset.width
+    wraps = is_lon_lat(horizontal) and abs(turn - 360) < 1e-6 and not transform[3]
     return RasterInfo(
         str(path),
         horizontal.to_wkt(),
@@ -104,6 +127,18 @@ def describe(path: str | Path, dataset: rasterio.DatasetReader, crs: str | None)
     )
 
 
+def is_lon_lat(crs: pyproj.CRS) -> bool:
+    """Say whether coordinates are WGS84 longitude and latitude in degrees as they are.
+
+    Systems on the same ellipsoid (ETRS89, NAD83) differ by less than two metres.
+    """
+    plain = crs.is_geographic and not crs.is_derived
+    if not plain or crs.ellipsoid is None or crs.prime_meridian is None:
+        return False
+    flat, degree = crs.ellipsoid.semi_major_metre, crs.axis_info[0].unit_name.lower()
+    return flat == WGS84_A_M and not crs.prime_meridian.longitude and degree == "degree"
+
+
 def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
     return crs.sub_crs_list[0] if crs.is_compound else crs
 
@@ -111,10 +146,12 @@ def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
 def _bounds_deg(
     crs: pyproj.CRS, dataset: rasterio.DatasetReader
 ) -> tuple[float, float, float, float]:
-    corners = [dataset.transform * (c, r) for c in (0, dataset.width) for r in (0, dataset.height)]
+    corners = [
+        dataset.transform * (c, r) for c in (0, dataset.width) for r in (0, dataset.height)
+    ]
     xs, ys = [x for x, _ in corners], [y for _, y in corners]
     box = (min(xs), min(ys), max(xs), max(ys))
-    if crs.is_geographic:
+    if is_lon_lat(crs):
         return box
     to_degrees = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
     west, south, east, north = to_degrees.transform_bounds(*box, densify_pts=41)
@@ -129,7 +166,7 @@ def _spacing_m(
     """Spacing of the posts at the raster's middle: the wider of the two directions."""
     along = float(np.hypot(transform[0], transform[3]))
     across = float(np.hypot(transform[1], transform[4]))
-    if not crs.is_geographic:
+    if not crs.is_geographic or crs.is_derived:
         return max(along, across) * crs.axis_info[0].unit_conversion_factor
     middle = np.radians((bounds_deg[1] + bounds_deg[3]) / 2)
     degree_m = np.radians(1) * WGS84_A_M

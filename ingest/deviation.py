@@ -15,7 +15,9 @@ from tiles.geodesy import ecef_of
 from tiles.kernels import kernel
 
 
-def deviation_m(surface: Surface, window: tuple[float, float, float], truth: Floats) -> float:
+def deviation_m(
+    surface: Surface, window: tuple[float, float, float], truth: Floats
+) -> float:
     """Largest distance of a surface from true points on a lattice.
 
     Parameters
@@ -41,7 +43,9 @@ def _lattice(
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         slack = -1e-9 * area
         for y in range(max(0, np.ceil(min(ay, by, cy))), min(last, max(ay, by, cy)) + 1):
-            for x in range(max(0, np.ceil(min(ax, bx, cx))), min(last, max(ax, bx, cx)) + 1):
+            for x in range(
+                max(0, np.ceil(min(ax, bx, cx))), min(last, max(ax, bx, cx)) + 1
+            ):
                 w0 = (bx - x) * (cy - y) - (by - y) * (cx - x)
                 w1 = (cx - x) * (ay - y) - (cy - y) * (ax - x)
                 w2 = area - w0 - w1
@@ -49,7 +53,9 @@ def _lattice(
                     continue
                 squared = 0.0
                 for k in range(3):
-                    flat = (w0 * points[a, k] + w1 * points[b, k] + w2 * points[c, k]) / area
+                    flat = (
+                        w0 * points[a, k] + w1 * points[b, k] + w2 * points[c, k]
+                    ) / area
                     squared += (flat - truth[y, x, k]) ** 2
                 worst = max(worst, squared)
     return worst
@@ -149,11 +155,29 @@ def _overlay(
             p, q = ids[k], ids[(k + 1) % 3]
             for family in range(3):
                 # Lines of the source's lattice: columns, rows, and diagonals x - y = n.
-                s = at[p, 0] if family == 0 else at[p, 1] if family == 1 else at[p, 0] - at[p, 1]
-                e = at[q, 0] if family == 0 else at[q, 1] if family == 1 else at[q, 0] - at[q, 1]
+                s = (
+                    at[p, 0]
+                    if family == 0
+                    else at[p, 1]
+                    if family == 1
+                    else at[p, 0] - at[p, 1]
+                )
+                e = (
+                    at[q, 0]
+                    if family == 0
+                    else at[q, 1]
+                    if family == 1
+                    else at[q, 0] - at[q, 1]
+                )
                 for n in range(int(np.ceil(min(s, e))), int(np.floor(max(s, e))) + 1):
                     f = (n - s) / (e - s) if e != s else 0.0
-                    along = (1 - f, f, 0.0) if k == 0 else (0.0, 1 - f, f) if k == 1 else (f, 0.0, 1 - f)
+                    along = (
+                        (1 - f, f, 0.0)
+                        if k == 0
+                        else (0.0, 1 - f, f)
+                        if k == 1
+                        else (f, 0.0, 1 - f)
+                    )
                     gap = _gap(along, ids, points, at, lon_lat, window, centre)
                     worst = max(worst, gap)
         for k in range(3):

@@ -162,7 +162,7 @@ def _vertices(corners: _Corners, wall: Ints, top: Ints, rise_m: Floats) -> NDArr
     for k in range(4):
         vertices["normal"][wall + k, :3] = np.rint(127 * outward)
         vertices["flags"][wall + k] = WALL
-        vertices["detail"][wall + k, 0] = rise_dm if k >= 2 else 0  # noqa: PLR2004
+        vertices["detail"][wall + k, 0] = rise_dm if k >= 2 else 0
     vertices["normal"][top, :3] = np.rint(127 * axes[:, 2])
     vertices["flags"][top] = ROOF
     vertices["detail"][top, 0] = rise_dm

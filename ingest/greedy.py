@@ -79,7 +79,9 @@ def _in_circle(side: int, a: int, b: int, c: int, p: int) -> bool:
     bx, by = b % side - px, b // side - py
     cx, cy = c % side - px, c // side - py
     aa, bb, cc = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy
-    return ax * (by * cc - bb * cy) - ay * (bx * cc - bb * cx) + aa * (bx * cy - by * cx) > 0
+    return (
+        ax * (by * cc - bb * cy) - ay * (bx * cc - bb * cx) + aa * (bx * cy - by * cx) > 0
+    )
 
 
 @kernel
@@ -121,7 +123,11 @@ def _legalise(
         if b < 0:
             continue
         ta, ka, tb, kb = a // 3, a % 3, b // 3, b % 3
-        right, left, top = corner[ta, ka], corner[ta, (ka + 1) % 3], corner[ta, (ka + 2) % 3]
+        right, left, top = (
+            corner[ta, ka],
+            corner[ta, (ka + 1) % 3],
+            corner[ta, (ka + 2) % 3],
+        )
         far = corner[tb, (kb + 2) % 3]
         if not _in_circle(side, right, left, top, far):
             continue
@@ -205,7 +211,10 @@ def _refine(
         for k in range(3):
             if _turn(side, corner[t, k], corner[t, (k + 1) % 3], p) == 0:
                 edge = 3 * t + k
-        before, other = count, opposite[edge] // 3 if edge >= 0 and opposite[edge] >= 0 else -1
+        before, other = (
+            count,
+            opposite[edge] // 3 if edge >= 0 and opposite[edge] >= 0 else -1,
+        )
         if edge >= 0:
             count = _split_edge(corner, opposite, count, edge, p)
         else:

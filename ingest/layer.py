@@ -20,13 +20,14 @@ class Layer:
     def __init__(self, connection: sqlite3.Connection, source: dict[str, Any]) -> None:
         self.name = str(source["name"])
         self.datum = str(source.get("datum", "ellipsoid"))
-        self.unit_m = float(source.get("unit_m", 1.0))
         self.spacing_m = float(source["spacing_m"])
         self.vertical_step_m = float(source.get("vertical_step_m", 0.0))
         self.bounds_deg: tuple[float, float, float, float] = tuple(source["bounds_deg"])
         self.wraps = bool(source["wraps"])
         self._shape = (int(source["height"]), int(source["width"]))
-        self._blocks = Blocks(connection, str(source["blocks"]), self._shape, wraps=self.wraps)
+        self._blocks = Blocks(
+            connection, str(source["blocks"]), self._shape, wraps=self.wraps
+        )
         self.is_picture = self._blocks.bands == 3
         self._levels = level_count(self._shape[1], self._shape[0])
         a, b, c, d, e, f = source["transform"]
@@ -36,7 +37,9 @@ class Layer:
         self._project = self._unproject = None
         if not crs.is_geographic:
             self._project = pyproj.Transformer.from_crs(4326, crs, always_xy=True).transform
-            self._unproject = pyproj.Transformer.from_crs(crs, 4326, always_xy=True).transform
+            self._unproject = pyproj.Transformer.from_crs(
+                crs, 4326, always_xy=True
+            ).transform
 
     def pixels(self, lon_rad: Floats, lat_rad: Floats) -> tuple[Floats, Floats]:
         """Return column and row of places, posts at whole numbers."""
@@ -53,7 +56,9 @@ class Layer:
             col = middle + (col - middle + width / 2) % width - width / 2
         return col - 0.5, row - 0.5
 
-    def near(self, lon_rad: Floats, lat_rad: Floats, margin_m: float = 0.0) -> NDArray[np.bool_]:
+    def near(
+        self, lon_rad: Floats, lat_rad: Floats, margin_m: float = 0.0
+    ) -> NDArray[np.bool_]:
         """Say which places are within a margin of the raster's bounding box."""
         west, south, east, north = self.bounds_deg
         lat_deg, margin_deg = np.degrees(lat_rad), margin_m / 111e3
@@ -75,7 +80,7 @@ class Layer:
         at = np.flatnonzero(self.near(lon_rad, lat_rad))
         if len(at):
             raw = self._elevations(*self.pixels(lon_rad[at], lat_rad[at]), step_m)
-            out[at] = raw * self.unit_m
+            out[at] = raw
             known = at[np.isfinite(raw)]
             out[known] += undulation_m(self.datum, lon_rad[known], lat_rad[known])
         return out
@@ -94,7 +99,9 @@ class Layer:
             found[polar] += pole[polar] * (float(np.nanmean(edge)) - found[polar])
         return found
 
-    def colours(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> NDArray[np.float32]:
+    def colours(
+        self, lon_rad: Floats, lat_rad: Floats, step_m: float
+    ) -> NDArray[np.float32]:
         """Return the picture's sRGB colours, (n, 3) float32 0..255, NaN outside."""
         out = np.full((*lon_rad.shape, 3), np.nan, np.float32)
         col, row = self.pixels(lon_rad, lat_rad)
@@ -144,7 +151,7 @@ class Layer:
         step = max(1, len(row) // most)
         row, col = row[::step], col[::step]
         places = self._places((col + 0.5) * 2**level - 0.5, (row + 0.5) * 2**level - 0.5)
-        height = posts[row, col] * self.unit_m + undulation_m(self.datum, *places)
+        height = posts[row, col] + undulation_m(self.datum, *places)
         return *places, height
 
     def _places(self, col: Floats, row: Floats) -> tuple[Floats, Floats]:
@@ -169,7 +176,7 @@ class Layer:
         beyond = left < 0 or right > width
         if top < 0 or bottom > height or (beyond and not self.wraps):
             return None
-        raw = self._blocks.window(0, top, bottom, left, right) * self.unit_m
+        raw = self._blocks.window(0, top, bottom, left, right).astype(np.float64)
         if not np.isfinite(raw).all():
             return None
         cols, rows = np.meshgrid(np.arange(left, right), np.arange(top, bottom))

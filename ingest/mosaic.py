@@ -43,7 +43,9 @@ class Rim:
 class Mosaic:
     """The terrain of a store as a function of longitude and latitude."""
 
-    def __init__(self, connection: sqlite3.Connection, sources: list[dict[str, Any]]) -> None:
+    def __init__(
+        self, connection: sqlite3.Connection, sources: list[dict[str, Any]]
+    ) -> None:
         terrain = [Layer(connection, s) for s in sources if s["kind"] == "terrain"]
         self.layers = sorted(terrain, key=lambda layer: -layer.spacing_m)
         """coarsest first"""

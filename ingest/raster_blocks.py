@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 from rasterio.windows import Window
 
 from tiles.codec import zstd
+from tiles.errors import InputError
 
 BLOCK = 256
 CACHE_BLOCKS = 1024
+LOWEST_M, HIGHEST_M = -12000.0, 9500.0
+"""Elevations beyond these are no data, whatever the file says."""
+CHECKED = {zstd.CompressionParameter.checksum_flag: 1}
 Progress = Callable[[int, int, str], None]
 
 
@@ -39,11 +43,16 @@ def copy_in(
     connection: sqlite3.Connection,
     source: str,
     dataset: rasterio.DatasetReader,
+    unit_m: float,
     progress: Progress,
 ) -> bool:
     """Copy a raster into the store, halved copies included; call inside a transaction.
 
-    Elevations become float32 with NaN where there is no data; pictures stay uint8.
+    Elevations become float32 metres with NaN where there is no data; pictures stay uint8.
+
+    Parameters
+    ----------
+    unit_m : metres of the elevations' unit
 
     Returns
     -------
@@ -54,7 +63,8 @@ def copy_in(
     any_data = False
     rows = range(0, height, BLOCK)
     for done, top in enumerate(rows):
-        strip = _read_strip(dataset, top, picture)
+        window = Window(0, top, width, min(BLOCK, height - top))
+        strip = _picture(dataset, window) if picture else _posts(dataset, window, unit_m)
         any_data |= picture or bool(np.isfinite(strip).any())
         _write_strip(connection, source, 0, top // BLOCK, strip)
         progress(done + 1, len(rows), f"reading {source}")
@@ -64,22 +74,30 @@ def copy_in(
     return any_data
 
 
-def _read_strip(dataset: rasterio.DatasetReader, top: int, picture: bool) -> NDArray[np.generic]:
-    window = Window(0, top, dataset.width, min(BLOCK, dataset.height - top))
-    if picture:
-        return np.moveaxis(dataset.read([1, 2, 3], window=window), 0, -1)
-    values = dataset.read(1, window=window).astype(np.float32)
+def _picture(dataset: rasterio.DatasetReader, window: Window) -> NDArray[np.generic]:
+    return np.moveaxis(dataset.read([1, 2, 3], window=window), 0, -1)
+
+
+def _posts(
+    dataset: rasterio.DatasetReader, window: Window, unit_m: float
+) -> NDArray[np.generic]:
+    stored = dataset.read(1, window=window).astype(np.float64)
+    metres = (stored * dataset.scales[0] + dataset.offsets[0]) * unit_m
     valid = dataset.read_masks(1, window=window) > 0
-    plausible = (values > -12000.0) & (values < 9500.0)
-    return np.where(valid & plausible, values, np.float32(np.nan))
+    plausible = (metres > LOWEST_M) & (metres < HIGHEST_M)
+    return np.where(valid & plausible, metres, np.nan).astype(np.float32)
 
 
 def _write_strip(
-    connection: sqlite3.Connection, source: str, level: int, row: int, strip: NDArray[np.generic]
+    connection: sqlite3.Connection,
+    source: str,
+    level: int,
+    row: int,
+    strip: NDArray[np.generic],
 ) -> None:
     for col, left in enumerate(range(0, strip.shape[1], BLOCK)):
         block = np.ascontiguousarray(strip[:, left : left + BLOCK])
-        body = zstd.compress(block.tobytes(), 3)
+        body = zstd.compress(block.tobytes(), options=CHECKED)
         key = (source, level, row, col, body)
         connection.execute("INSERT OR REPLACE INTO raster_block VALUES(?,?,?,?,?)", key)
 
@@ -142,7 +160,9 @@ class Blocks:
         return out
 
     @staticmethod
-    def _touched(rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
+    def _touched(
+        rows: NDArray[np.int64], cols: NDArray[np.int64]
+    ) -> Iterator[tuple[int, int]]:
         for r in np.unique(rows // BLOCK):
             for c in np.unique(cols // BLOCK):
                 yield int(r), int(c)
@@ -156,7 +176,11 @@ class Blocks:
             "SELECT body FROM raster_block WHERE source=? AND level=? AND row=? AND col=?",
             (self.source, *key),
         ).fetchone()
-        block = self._decode(level, row, col, zstd.decompress(found[0]))
+        try:
+            block = self._decode(level, row, col, zstd.decompress(found[0]))
+        except (TypeError, ValueError, zstd.ZstdError) as error:
+            advice = "ingest the source again"
+            raise InputError(self.source, "its copy is damaged", advice) from error
         self._cache[key] = block
         if len(self._cache) > CACHE_BLOCKS:
             self._cache.popitem(last=False)

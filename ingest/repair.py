@@ -18,6 +18,8 @@ MIN_AREA_M2 = 0.5
 MAX_WIDTH_M = 5000.0
 MAX_VERTICES = 4000
 """More than this is simplified: 16-bit indices end at 65,535 vertices, 5 per corner."""
+_TOLERANCES_DEG = 1e-6 * 2.0 ** np.arange(8)
+"""From about 0.1 m to 14 m."""
 _POLYGON, _MULTIPOLYGON, _COLLECTION = 3, 6, 7
 
 
@@ -131,12 +133,15 @@ def _flat(geometry: shapely.Geometry) -> Geometries:
 
 
 def _simplified(geometry: Geometries) -> Geometries:
-    """Leave out corners until few enough are left, from a tolerance of about 0.1 m up."""
-    tolerance = 1e-6
-    while (many := shapely.get_num_coordinates(geometry) > MAX_VERTICES).any():
-        geometry = geometry.copy()
+    """Leave out corners until few enough are left; where that fails, take the hull."""
+    geometry = geometry.copy()
+    for tolerance in _TOLERANCES_DEG:
+        many = shapely.get_num_coordinates(geometry) > MAX_VERTICES
+        if not many.any():
+            return geometry
         geometry[many] = _area_parts(shapely.simplify(geometry[many], tolerance))
-        tolerance *= 2
+    many = shapely.get_num_coordinates(geometry) > MAX_VERTICES
+    geometry[many] = shapely.convex_hull(geometry[many])
     return geometry
 
 

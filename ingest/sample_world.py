@@ -24,7 +24,9 @@ def samples(names: tuple[str, ...]) -> list[Path]:
     paths = [SAMPLES / name for name in names]
     for path in paths:
         if not path.is_file():
-            raise InputError(path, "sample file is missing", "install geopage again, or use --bare")
+            raise InputError(
+                path, "sample file is missing", "install geopage again, or use --bare"
+            )
     return paths
 
 
@@ -32,4 +34,6 @@ def ingest_earth(store: Path, progress: Progress) -> dict[str, Any]:
     """Start a new store: the whole earth at 10 minutes of arc, and its picture."""
     earth, picture = samples((EARTH, PICTURE))
     heights = RasterOptions(kind="terrain", datum="egm96")
-    return ingest_rasters(store, [(earth, heights), (picture, RasterOptions("imagery"))], progress)
+    return ingest_rasters(
+        store, [(earth, heights), (picture, RasterOptions("imagery"))], progress
+    )

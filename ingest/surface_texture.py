@@ -62,7 +62,9 @@ def colours(
         found = layer.colours(lon.ravel(), lat.ravel(), texel_m).reshape(*lon.shape, 3)
         share = np.where(np.isnan(found).any(axis=-1, keepdims=True), 0.0, PICTURE_SHARE)
         paint = paint + share * (np.nan_to_num(found) - paint)
-    return np.asarray(np.clip(paint * _relief(normal, texel_m)[..., None], 0, 255), np.float32)
+    return np.asarray(
+        np.clip(paint * _relief(normal, texel_m)[..., None], 0, 255), np.float32
+    )
 
 
 def _texel_places(cell: int) -> tuple[Floats, Floats]:

@@ -6,27 +6,29 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from rasterio.errors import RasterioError
 
-from ingest.datum import datum_of
-from ingest.dem import describe, open_raster
+from ingest.datum import datum_of, unit_m
+from ingest.dem import describe, open_raster, unreadable
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.raster_blocks import Progress, copy_in
-from ingest.terrain_pyramid import Box, ZoneBuilder, touches
+from ingest.terrain_pyramid import Box, Made, Part, ZoneBuilder, touches
 from tiles import cells, zones
 from tiles.errors import InputError
-from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.store import Store
 from tiles.writer import Writer
 
+PART_LEAVES = 120
+"""Leaves that one worker makes at a time, about"""
 Source = dict[str, Any]
 """A source as the store lists it: name, kind, details."""
 
@@ -81,7 +83,13 @@ def ingest_rasters(
     sources = [{"name": s["name"], "datum": s.get("datum")} for s in planned]
     counts = {"read": posts, "stored": posts, "merged": 0, "skipped": 0, "repaired": 0}
     seconds = round(time.perf_counter() - start_s, 2)
-    return {**counts, "skipped_by_reason": {}, **report, "sources": sources, "seconds": seconds}
+    return {
+        **counts,
+        "skipped_by_reason": {},
+        **report,
+        "sources": sources,
+        "seconds": seconds,
+    }
 
 
 @contextmanager
@@ -105,7 +113,9 @@ def plan(path: Path, options: RasterOptions) -> Source:
     with open_raster(path) as dataset:
         picture = dataset.dtypes[0] == "uint8" and dataset.count >= 3
         if dataset.colorinterp[0].name == "palette":
-            raise InputError(path, "holds palette indices", "convert it with gdal_translate -expand")
+            raise InputError(
+                path, "holds palette indices", "convert it with gdal_translate -expand"
+            )
         if picture != (options.kind == "imagery"):
             reason = "is a picture" if picture else "is not an RGB picture"
             other = "imagery" if picture else "terrain"
@@ -115,7 +125,9 @@ def plan(path: Path, options: RasterOptions) -> Source:
             wkt = dataset.crs.to_wkt() if dataset.crs else None
             source["datum"] = datum_of(path, options.datum, options.crs or wkt)
             whole = np.issubdtype(np.dtype(dataset.dtypes[0]), np.integer)
-            source["vertical_step_m"] = 1.0 if whole else 0.0
+            source["unit_m"] = unit_m(options.datum, options.crs or wkt, dataset.units[0])
+            step = abs(dataset.scales[0]) * source["unit_m"]
+            source["vertical_step_m"] = step if whole else 0.0
     return {**source, "name": options.name or path.name.split(".")[0], "kind": options.kind}
 
 
@@ -124,7 +136,12 @@ def copy(writer: Writer, source: Source, progress: Progress) -> Source:
     key = f"{source['name']}@{int(writer.meta('generation')) + 1}"
     with open_raster(source["path"]) as dataset, writer.transaction():
         writer.connection.execute("DELETE FROM raster_block WHERE source=?", (key,))
-        if not copy_in(writer.connection, key, dataset, progress):
+        try:
+            unit = float(source.get("unit_m", 1.0))
+            held = copy_in(writer.connection, key, dataset, unit, progress)
+        except RasterioError as error:
+            raise unreadable(source["path"], error) from error
+        if not held:
             raise InputError(source["path"], "holds no data", "check its nodata value")
     return {**source, "blocks": key}
 
@@ -158,53 +175,93 @@ def rebuild(
     todo = [root for root in roots if root not in have or touches(root, changed)]
     zone_of = cells.ancestor(old["cell"], np.zeros(len(old), np.int64))
     kept = [old[~np.isin(zone_of, todo)]]
-    jobs = [Job(str(writer.path), sources, changed, root, old[zone_of == root]) for root in todo]
-    jobs.sort(key=lambda job: -len(job.old))
-    made = 0
+    jobs: list[Job] = []
+    with reading(writer.path, sources) as (terrain, pictures):
+        builder = ZoneBuilder(terrain, pictures, changed, {})
+        for root in todo:
+            before = old[zone_of == root]
+            cut = builder.cut(root, PART_LEAVES)
+            jobs += [Job(str(writer.path), sources, changed, cell, before) for cell in cut]
+    jobs.sort(key=lambda job: -int(cells.level(job.cell)))
+    made: list[MadePart] = []
     with writer.transaction():
-        for count, (records, bodies) in enumerate(run(jobs, workers)):
-            new = np.flatnonzero(records["row"] == 0)
-            pairs = zip(records["cell"][new].tolist(), bodies, strict=True)
-            records["row"][new] = writer.add_tiles(Lane.TERRAIN, pairs)
-            made += len(new)
-            kept.append(records)
-            progress(count + 1, len(jobs), "meshing zones")
-        index = np.concatenate(kept)
+        for one in run(jobs, workers):
+            made.append(one.stored(writer))
+            progress(len(made), len(jobs), "meshing terrain")
+        with reading(writer.path, sources) as (terrain, pictures):
+            for root in todo:
+                parts = [one.part for one in made if cells.contains(root, one.part.cell)]
+                if parts[0].cell != root:
+                    before_of = {int(r["cell"]): r for r in old[zone_of == root]}
+                    builder = ZoneBuilder(terrain, pictures, changed, before_of)
+                    top = list(builder.build(root, parts))
+                    made.append(MadePart.of(top, parts[0]).stored(writer))
+        index = np.concatenate([*kept, *(one.records for one in made)])
         writer.replace_index(Lane.TERRAIN, index)
         writer.replace_sources(sources)
-    return {"tiles": len(index), "tiles_made": made}
+    return {"tiles": len(index), "tiles_made": sum(one.new for one in made)}
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One zone to make, as it is sent to a worker."""
+    """One subtree to make, as it is sent to a worker."""
 
     path: str
     sources: list[Source]
     changed: list[Box]
-    root: int
+    cell: int
     old: NDArray[np.void]
 
 
-def run(jobs: list[Job], workers: int) -> Iterator[tuple[NDArray[np.void], list[bytes]]]:
-    """Make zones here or in several processes; results come as they are done."""
+@dataclass(frozen=True, slots=True)
+class MadePart:
+    """A subtree as it comes from a worker; bodies are dropped once they are stored."""
+
+    records: NDArray[np.void]
+    bodies: list[bytes]
+    part: Part
+    new: int = 0
+
+    @classmethod
+    def of(cls, made: list[Made], part: Part) -> Self:
+        """Collect finished cells."""
+        records = np.concatenate([one.record for one in made])
+        return cls(records, [one.body for one in made if one.body is not None], part)
+
+    def stored(self, writer: Writer) -> Self:
+        """Insert the new tiles and note their rows; inside a transaction."""
+        fresh = np.flatnonzero(self.records["row"] == 0)
+        pairs = zip(self.records["cell"][fresh].tolist(), self.bodies, strict=True)
+        self.records["row"][fresh] = writer.add_tiles(Lane.TERRAIN, pairs)
+        return replace(self, bodies=[], new=len(fresh))
+
+
+def run(jobs: list[Job], workers: int) -> Iterator[MadePart]:
+    """Make subtrees here or in several processes; results come as they are done."""
     count = min(workers or os.cpu_count() or 1, len(jobs))
     if count <= 1:
-        yield from map(make_zone, jobs)
+        yield from map(make_part, jobs)
         return
     with ProcessPoolExecutor(count, get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(make_zone, job) for job in jobs]):
+        for future in as_completed([pool.submit(make_part, job) for job in jobs]):
             yield future.result()
 
 
-def make_zone(job: Job) -> tuple[NDArray[np.void], list[bytes]]:
-    """Make one zone: its index records, and the bodies of those whose `row` is 0."""
-    with Store(job.path) as store:
-        terrain, pictures = layers_of(store, job.sources)
-        old = {int(record["cell"]): record for record in job.old}
-        made = list(ZoneBuilder(terrain, pictures, job.changed, old).build(job.root))
-    records = np.concatenate([one.record for one in made])
-    return records, [one.body for one in made if one.body is not None]
+def make_part(job: Job) -> MadePart:
+    """Make one subtree: its index records, and the bodies of those whose `row` is 0."""
+    old = {int(record["cell"]): record for record in job.old}
+    with reading(job.path, job.sources) as (terrain, pictures):
+        builder = ZoneBuilder(terrain, pictures, job.changed, old)
+        return MadePart.of(*builder.build_part(job.cell))
+
+
+@contextmanager
+def reading(
+    path: str | Path, sources: list[Source]
+) -> Iterator[tuple[Mosaic, list[Layer]]]:
+    """Open a store's terrain as one surface, and its pictures."""
+    with Store(path) as store:
+        yield layers_of(store, sources)
 
 
 def layers_of(store: Store, sources: list[Source]) -> tuple[Mosaic, list[Layer]]:

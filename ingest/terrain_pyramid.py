@@ -6,7 +6,7 @@ of all its ancestors are measured at the leaf's posts, so that an inner tile's e
 its largest distance from the finest data below it, and grows monotonically upwards.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,7 +24,7 @@ from ingest.terrain_tile import (
     step_m,
     tile_of,
 )
-from tiles import bounds, cells
+from tiles import bounds, cells, geodesy
 from tiles.codec import checksum
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
@@ -58,8 +58,20 @@ class Made:
     body: bytes | None
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What the rest of a zone must know of a subtree that was made apart."""
+
+    cell: int
+    error_m: float
+    low_m: float
+    high_m: float
+    above: dict[int, float]
+    """Largest distance of each ancestor's surface from the subtree's leaves"""
+
+
 class ZoneBuilder:
-    """Makes the tiles of one zone."""
+    """Makes the tiles of one zone, at once or in parts."""
 
     def __init__(
         self,
@@ -71,17 +83,64 @@ class ZoneBuilder:
         self._mosaic, self._pictures = mosaic, pictures
         self._changed, self._old = changed, old
         self._path: list[Node] = []
+        self._parts: dict[int, Part] = {}
 
-    def build(self, root: int) -> Iterator[Made]:
-        """Yield every cell of the zone, children before parents."""
+    def build(self, root: int, parts: Iterable[Part] = ()) -> Iterator[Made]:
+        """Yield every cell of the zone that no part has made, children before parents."""
+        self._parts = {part.cell: part for part in parts}
         yield from self._visit(root)
 
+    def build_part(self, cell: int) -> tuple[list[Made], Part]:
+        """Make one subtree, and measure the surfaces above it at its leaves."""
+        depth = int(cells.level(cell))
+        above = [int(cells.ancestor(cell, level)) for level in range(depth)]
+        self._path = [Node(one, self._inner(one)) for one in above]
+        made = list(self._visit(cell))
+        top = self._path[-1].children[0] if self._path else Node(cell, None)
+        errors = {node.cell: node.error_m for node in self._path}
+        return made, Part(cell, top.error_m, top.low_m, top.high_m, errors)
+
+    def cut(self, root: int, most: int) -> list[int]:
+        """Return subtrees of about `most` leaves, by area, that cover a zone."""
+        found, open_ = [], [root]
+        while open_:
+            cell = open_.pop()
+            if self._leaves(cell) > most and self._splits(cell):
+                open_ += [int(child) for child in cells.children(cell)]
+            else:
+                found.append(cell)
+        return found
+
+    def _leaves(self, cell: int) -> float:
+        """Estimate the leaves under a cell from the areas and spacings of the sources."""
+        edge_m, (west, south, east, north) = (
+            geodesy.cell_edge_m(cell),
+            cells.bounds_rad(cell),
+        )
+        count = 0.0
+        for layer in [*self._mosaic.layers, *self._pictures]:
+            common = overlap(cell, layer.bounds_deg)
+            if common is not None:
+                area = (common[2] - common[0]) * (common[3] - common[1])
+                share = area / float((east - west) * (north - south))
+                side = TEXTURE_SIDE if layer.is_picture else LEAF_SIDE
+                count += share * (edge_m / (side * layer.spacing_m)) ** 2
+        return count
+
+    def _inner(self, cell: int) -> Painted | None:
+        """Mesh an inner cell, unless its stored tile stays."""
+        if cell in self._old and not touches(cell, self._changed):
+            return None
+        return paint(self._mosaic, self._pictures, cell, None)
+
     def _visit(self, cell: int) -> Iterator[Made]:
+        if cell in self._parts:
+            self._adopt(self._parts[cell])
+            return
         keep = cell in self._old and not touches(cell, self._changed)
         node = Node(cell, None)
         if self._splits(cell):
-            if not keep:
-                node.painted = paint(self._mosaic, self._pictures, cell, None)
+            node.painted = self._inner(cell)
             self._path.append(node)
             for child in cells.children(cell):
                 yield from self._visit(int(child))
@@ -92,6 +151,14 @@ class ZoneBuilder:
             self._path[-1].children.append(node)
         yield self._finish(node)
 
+    def _adopt(self, part: Part) -> None:
+        """Take over what a subtree that was made apart says about itself and its ancestors."""
+        self._path[-1].children.append(
+            Node(part.cell, None, part.error_m, part.low_m, part.high_m)
+        )
+        for node in self._path:
+            node.error_m = max(node.error_m, part.above[node.cell])
+
     def _leaf(self, node: Node, *, keep: bool) -> None:
         if keep:
             lattice = leaf_lattice(self._mosaic, node.cell)
@@ -100,7 +167,10 @@ class ZoneBuilder:
             node.painted = paint(self._mosaic, self._pictures, node.cell, bound_m)
             lattice = node.painted.lattice
             node.error_m = leaf_error_m(self._mosaic, node.cell, node.painted.surface)
-        node.low_m, node.high_m = float(lattice.height_m.min()), float(lattice.height_m.max())
+        node.low_m, node.high_m = (
+            float(lattice.height_m.min()),
+            float(lattice.height_m.max()),
+        )
         for above in self._path:
             if above.painted:
                 gap = error_under(above.painted.surface, above.cell, lattice)
@@ -109,7 +179,10 @@ class ZoneBuilder:
     def _finish(self, node: Node) -> Made:
         for child in node.children:
             node.error_m = max(node.error_m, child.error_m)
-            node.low_m, node.high_m = min(node.low_m, child.low_m), max(node.high_m, child.high_m)
+            node.low_m, node.high_m = (
+                min(node.low_m, child.low_m),
+                max(node.high_m, child.high_m),
+            )
         if node.painted is None:
             record = self._old[node.cell].reshape(1).copy()
             node.error_m = float(record["error_m"][0])

@@ -19,6 +19,8 @@ from . import bc1
 
 INNER_SIDE = 128
 LEAF_SIDE = 64
+LARGEST_BOUND_M = 3000.0
+"""Coarse tiles keep closer than edge / 256, so that the globe's rim is round."""
 CHECK_FACTOR = 4
 CHECK_MARGIN = 1.25
 """Where several sources meet, the error is the largest on a lattice four times finer than
@@ -47,7 +49,9 @@ def leaf_lattice(mosaic: Mosaic, cell: int) -> Lattice:
     return lattice_of(cell, lon, lat, heights.reshape(lon.shape))
 
 
-def paint(mosaic: Mosaic, pictures: list[Layer], cell: int, leaf_bound_m: float | None) -> Painted:
+def paint(
+    mosaic: Mosaic, pictures: list[Layer], cell: int, leaf_bound_m: float | None
+) -> Painted:
     """Mesh and paint a cell.
 
     Parameters
@@ -61,7 +65,8 @@ def paint(mosaic: Mosaic, pictures: list[Layer], cell: int, leaf_bound_m: float 
     zero = undulation_m("egm96", lon.ravel(), lat.ravel()).reshape(lon.shape)
     inner = (slice(1, -1), slice(1, -1))
     lattice = lattice_of(cell, lon[inner], lat[inner], heights[inner])
-    bound_m = edge_m / TEXTURE_SIDE if leaf_bound_m is None else leaf_bound_m
+    inner_m = min(edge_m / TEXTURE_SIDE, LARGEST_BOUND_M)
+    bound_m = inner_m if leaf_bound_m is None else leaf_bound_m
     surface = build_surface(lattice, (heights < zero)[inner], 0.7 * bound_m)
     texture = bc1.encode(colours(cell, heights, heights - zero, pictures))
     return Painted(surface, lattice, texture, bound_m)

@@ -62,7 +62,9 @@ def build_forest(records: NDArray[np.void]) -> Forest:
     cell, level = records["cell"].copy(), cells.level(records["cell"])
     above = _rows_of(cell, cells.ancestor(cell, np.maximum(level - 1, 0)))
     parent = np.where(level > 0, above, NONE).astype(np.int32)
-    children = _rows_of(cell, np.where(level < cells.MAX_LEVEL, 1, 0)[:, None] * _children(cell))
+    children = _rows_of(
+        cell, np.where(level < cells.MAX_LEVEL, 1, 0)[:, None] * _children(cell)
+    )
     return Forest(
         records,
         parent,

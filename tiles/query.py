@@ -31,7 +31,9 @@ def linked_rows(forest: Forest, lon_rad: float, lat_rad: float) -> NDArray[np.in
     wanted = [links.linked_cells(lon_rad, lat_rad, level) for level in range(deepest + 1)]
     if abs(lat_rad) > NEAR_POLE_RAD:
         row = zones.ROWS - 1 if lat_rad > 0 else 0
-        polar = [cells.make(zones.zone_of(row, col), 0, 0, 0) for col in range(zones.COLUMNS)]
+        polar = [
+            cells.make(zones.zone_of(row, col), 0, 0, 0) for col in range(zones.COLUMNS)
+        ]
         wanted.append(np.array(polar))
     rows = forest.row_of(np.unique(np.concatenate(wanted)))
     rows = rows[rows >= 0]

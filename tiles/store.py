@@ -44,18 +44,23 @@ class Store:
             When an index block is not what was written.
         """
         rows = self.connection.execute(
-            "SELECT root, body, checksum FROM index_block WHERE lane=? ORDER BY root", (int(lane),)
+            "SELECT root, body, checksum FROM index_block WHERE lane=? ORDER BY root",
+            (int(lane),),
         ).fetchall()
         for root, body, check in rows:
             if checksum(lane, root, body) != check:
-                raise TileFault(lane.name, cells.text(root), "index block's checksum differs")
+                raise TileFault(
+                    lane.name, cells.text(root), "index block's checksum differs"
+                )
         parts = [np.frombuffer(body, INDEX) for _, body, _ in rows]
         records = np.concatenate(parts) if parts else np.zeros(0, INDEX)
         return records[np.lexsort((records["cell"], cells.level(records["cell"])))]
 
     def body(self, row: int) -> bytes:
         """Return the stored body of a tile row, unchecked; empty when it is gone."""
-        found = self.connection.execute("SELECT body FROM tile WHERE row=?", (row,)).fetchone()
+        found = self.connection.execute(
+            "SELECT body FROM tile WHERE row=?", (row,)
+        ).fetchone()
         return bytes(found[0]) if found else b""
 
     def checked_body(self, lane: Lane, cell: int, row: int, check: int) -> bytes:
@@ -78,8 +83,12 @@ class Store:
 
     def sources(self, kind: str | None = None) -> list[dict[str, Any]]:
         """Return the sources in order of first ingest: name, kind, and their details."""
-        rows = self.connection.execute("SELECT name, kind, details FROM source ORDER BY rank")
-        found = [{"name": name, "kind": k, **json.loads(details)} for name, k, details in rows]
+        rows = self.connection.execute(
+            "SELECT name, kind, details FROM source ORDER BY rank"
+        )
+        found = [
+            {"name": name, "kind": k, **json.loads(details)} for name, k, details in rows
+        ]
         return [source for source in found if kind in {None, source["kind"]}]
 
     def object_count(self) -> int:
@@ -102,7 +111,9 @@ class Store:
 
     def meta(self, key: str, default: str = "") -> str:
         """Return a value of the meta table."""
-        found = self.connection.execute("SELECT value FROM meta WHERE key=?", (key,)).fetchone()
+        found = self.connection.execute(
+            "SELECT value FROM meta WHERE key=?", (key,)
+        ).fetchone()
         return str(found[0]) if found else default
 
     def close(self) -> None:

@@ -37,7 +37,9 @@ class Surface:
         if not len(self._leaves):
             return np.full(np.shape(lon_rad), -1)
         point = cells.cell_at(lon_rad, lat_rad, cells.MAX_LEVEL)
-        return np.asarray(self._leaves[np.searchsorted(self._first, point, side="right") - 1])
+        return np.asarray(
+            self._leaves[np.searchsorted(self._first, point, side="right") - 1]
+        )
 
     def heights(self, lon_rad: Floats, lat_rad: Floats) -> tuple[Floats, Floats]:
         """Return heights above the ellipsoid and the tiles' measured errors, m.
@@ -110,7 +112,9 @@ def _interpolate(
             if inside > best:
                 best = inside
                 for k in range(3):
-                    points[i, k] = (w0 * local[a, k] + w1 * local[b, k] + w2 * local[c, k]) / area
+                    points[i, k] = (
+                        w0 * local[a, k] + w1 * local[b, k] + w2 * local[c, k]
+                    ) / area
                 if inside >= 0.0:
                     break
     return points

@@ -58,7 +58,9 @@ class Writer(Store):
     def add_tiles(self, lane: Lane, tiles: Iterable[tuple[int, bytes]]) -> list[int]:
         """Insert (cell, body) pairs and return their rows; not visible to readers yet."""
         insert = "INSERT INTO tile(lane, cell, body) VALUES(?,?,?)"
-        added = [self.connection.execute(insert, (int(lane), cell, body)) for cell, body in tiles]
+        added = [
+            self.connection.execute(insert, (int(lane), cell, body)) for cell, body in tiles
+        ]
         return [int(cursor.lastrowid or 0) for cursor in added]
 
     def replace_index(self, lane: Lane, records: NDArray[np.void]) -> None:
@@ -69,8 +71,9 @@ class Writer(Store):
         order = np.lexsort((records["cell"], roots))
         records, roots = records[order], roots[order]
         run("DELETE FROM index_block WHERE lane=?", (int(lane),))
-        first = np.flatnonzero(np.r_[True, roots[1:] != roots[:-1]]) if len(roots) else []
-        for block, start in zip(np.split(records, first[1:]), first, strict=True):
+        starts = np.flatnonzero(np.r_[True, roots[1:] != roots[:-1]][: len(roots)])
+        blocks = np.split(records, starts[1:]) if len(starts) else []
+        for block, start in zip(blocks, starts, strict=True):
             root, body = int(roots[start]), block.tobytes()
             row = (int(lane), root, body, checksum(lane, root, body))
             run("INSERT INTO index_block VALUES(?,?,?,?)", row)
@@ -109,7 +112,9 @@ class Writer(Store):
             details = {key: source[key] for key in source if key not in {"name", "kind"}}
             self.put_source(name, source["kind"], details)
         keys = {str(source["blocks"]) for source in wanted.values() if "blocks" in source}
-        held = self.connection.execute("SELECT DISTINCT source FROM raster_block").fetchall()
+        held = self.connection.execute(
+            "SELECT DISTINCT source FROM raster_block"
+        ).fetchall()
         for (key,) in held:
             if key not in keys:
                 self.connection.execute("DELETE FROM raster_block WHERE source=?", (key,))

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tiles import cells
 from tiles.forest import Forest
 from tiles.lanes import Lane
 from tiles.mesh import VERTEX, Mesh
 from tiles.objects import ObjectTile
 from tiles.terrain import TEXTURE_BYTES, TerrainTile
 from viewer.allocator import FirstFit
+from viewer.buffers import LargeBuffer
 from viewer.gl import Gl
 from viewer.slots import ObjectPool, make_slots, noise_of
 from viewer.textures import MAX_LAYERS, TextureLayers
@@ -46,8 +48,8 @@ class Arena:
 
     def __init__(self, gl: Gl, forests: dict[Lane, Forest], size: ArenaSize) -> None:
         self._gl = gl
-        self.vertices = gl.context.buffer(reserve=size.vertex_bytes, dynamic=True)
-        self.indices = gl.context.buffer(reserve=size.index_bytes, dynamic=True)
+        self.vertices = LargeBuffer(gl, size.vertex_bytes)
+        self.indices = LargeBuffer(gl, size.index_bytes)
         self._vertex_room = FirstFit(size.vertex_bytes // VERTEX.itemsize)
         self._index_room = FirstFit(size.index_bytes // INDEX_BYTES)
         self.textures = TextureLayers(gl, size.layers)
@@ -81,8 +83,8 @@ class Arena:
         if first is None:
             self._vertex_room.give_back(base, len(mesh.vertices))
             return False
-        self._write(self.vertices.glo, base * VERTEX.itemsize, mesh.vertices)
-        self._write(self.indices.glo, first * INDEX_BYTES, mesh.indices)
+        self._write(self.vertices.name, base * VERTEX.itemsize, mesh.vertices)
+        self._write(self.indices.name, first * INDEX_BYTES, mesh.indices)
         slot["centre"], slot["scale_m"] = mesh.centre, mesh.scale_m
         slot["base_vertex"], slot["vertex_count"] = base, len(mesh.vertices)
         slot["first_index"], slot["index_count"] = first, len(mesh.indices)
@@ -93,6 +95,7 @@ class Arena:
         if layer is None:
             return False
         slot["layer"], slot["noise"] = layer, noise_of(tile.cell)
+        slot["box_rad"] = cells.bounds_rad(tile.cell)
         slot["surface_count"] = tile.surface_index_count
         return True
 

@@ -24,12 +24,16 @@ def read_report(run: Path) -> Json:
     """
     path = run / "report.json" if run.is_dir() else run
     if not path.is_file():
-        raise InputError(run, "holds no report.json", "name a folder that `geopage fly` wrote")
+        raise InputError(
+            run, "holds no report.json", "name a folder that `geopage fly` wrote"
+        )
     try:
         report: Json = json.loads(path.read_text())
         float(report["frames"]["p50_ms"]), float(report["screen_error_px"]["p95"])
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(path, f"is not a flight's report ({error})", "fly again") from error
+        raise InputError(
+            path, f"is not a flight's report ({error})", "fly again"
+        ) from error
     return report
 
 
@@ -74,7 +78,9 @@ def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
     axes.set_ylabel("screen error known to the selection, px (95th percentile of frames)")
     first = reports[0]
     size = "x".join(str(n) for n in first["settings"]["size_px"])
-    axes.set_title(f"Speed against accuracy: {first['settings']['path']}, {size}", loc="left")
+    axes.set_title(
+        f"Speed against accuracy: {first['settings']['path']}, {size}", loc="left"
+    )
     machine = first["machine"]
     note = f"{machine['cpu']}, {machine['cores']} cores; {machine['gl_renderer']}"
     figure.text(0.01, 0.01, note, fontsize=7, color="#555555")
@@ -92,10 +98,14 @@ def _curve(axes: Any, name: str, runs: list[Json], colour: str) -> None:
     floor = [run["floor"]["frame_p50_ms"] for run in runs]
     axes.hlines(y, x, np.maximum(worst, x), color=colour, lw=1, alpha=0.5)
     axes.plot(x, y, "o-", color=colour, label=name)
-    axes.plot(floor, y, "|", color=colour, ms=14, mew=2, label=f"{name}: resident replay (floor)")
+    axes.plot(
+        floor, y, "|", color=colour, ms=14, mew=2, label=f"{name}: resident replay (floor)"
+    )
     for run, px, error in zip(runs, x, y, strict=True):
         label = f" {run['settings']['threshold_px']:g} px"
-        axes.annotate(label, (px, error), textcoords="offset points", xytext=(4, 6), color=colour)
+        axes.annotate(
+            label, (px, error), textcoords="offset points", xytext=(4, 6), color=colour
+        )
 
 
 def _plain_ticks(axes: Any) -> None:
@@ -107,7 +117,9 @@ def _plain_ticks(axes: Any) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def flight_over_time(table: Any, out: Path, *, budget_bytes: int, floor_ms: Any) -> None:
+def flight_over_time(
+    table: Any, out: Path, *, budget_bytes: int, floor_ms: Any, error_px: Any
+) -> None:
     """Draw one flight: height, frame time beside its floor, screen error, memory."""
     plt = pyplot(out)
     figure, rows = plt.subplots(4, 1, figsize=(8, 8), sharex=True)
@@ -120,7 +132,7 @@ def flight_over_time(table: Any, out: Path, *, budget_bytes: int, floor_ms: Any)
     rows[1].set_ylabel("frame, ms")
     rows[1].set_ylim(0, None)
     rows[1].legend(frameon=False, ncols=2)
-    rows[2].plot(t, table["screen_error_px"], color=COLOURS[2])
+    rows[2].plot(t, error_px, color=COLOURS[2])
     rows[2].set_ylabel("screen error, px")
     rows[3].plot(t, table["memory_bytes"] / 2**20, color=COLOURS[3], label="accounted")
     rows[3].axhline(budget_bytes / 2**20, color="#444444", ls="--", lw=1, label="budget")

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from geopage.screen_error import Lens, is_hidden, lens_of, px_per_m
 from geopage.view import ViewState
-from tiles.frames import WGS84_A_M, WGS84_B_M
+from tiles import geodesy
+from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
 from tiles.kernels import inlined, kernel
 
 COMMAND_WORDS = 5
@@ -38,6 +39,8 @@ class Eye(NamedTuple):
     lens: Lens
     planes: NDArray[np.float64]
     """(5, 3) inward unit normals through the eye: left, right, bottom, top, front"""
+    place: tuple[float, float, float]
+    """longitude, latitude, height (rad, rad, m)"""
 
 
 def eye_of(view: ViewState) -> Eye:
@@ -47,7 +50,9 @@ def eye_of(view: ViewState) -> Eye:
         ((1, 0, -x), (-1, 0, -x), (0, 1, -y), (0, -1, -y), (0, 0, -1)), np.float64
     )
     camera /= np.linalg.norm(camera, axis=1, keepdims=True)
-    return Eye(lens_of(view), np.ascontiguousarray(camera @ view.rotation))
+    lon, lat, height_m = (float(x) for x in geodesy.to_geodetic(Ecef(view.eye)))
+    planes = np.ascontiguousarray(camera @ view.rotation)
+    return Eye(lens_of(view), planes, (lon, lat, height_m))
 
 
 @kernel
@@ -60,6 +65,29 @@ def is_visible(centre: NDArray[np.float64], radius_m: float, eye: Eye) -> bool:
         if plane[0] * x + plane[1] * y + plane[2] * z < -radius_m:
             return False
     return not is_hidden(eye.lens, x, y, z, radius_m)
+
+
+@kernel
+def distance_to_box(box_rad: NDArray[np.float64], max_height_m: float, eye: Eye) -> float:
+    """Return a distance, m, that nothing in a cell's box is nearer than.
+
+    A sphere is a poor bound of a wide flat cell: the eye can be in it and yet be far
+    above the ground, or beside the cell. Used for cells up to 45 degrees away.
+    """
+    lon, lat, height_m = eye.place
+    middle = (box_rad[0] + box_rad[2]) / 2
+    aside = abs((lon - middle + math.pi) % (2 * math.pi) - math.pi)
+    aside = max(aside - (box_rad[2] - box_rad[0]) / 2, 0.0)
+    beyond = max(box_rad[1] - lat, lat - box_rad[3], 0.0)
+    if aside + beyond > math.pi / 4:
+        return 1e-3
+    poleward = max(abs(box_rad[1]), abs(box_rad[3]), abs(lat))
+    radius_m = WGS84_B_M - 40_000.0
+    east_m = 2 * math.sin(aside / 2) * math.cos(min(poleward, math.pi / 2)) * radius_m
+    north_m = 2 * math.sin(beyond / 2) * radius_m
+    over_m = max(height_m - max_height_m, 0.0)
+    level = math.sqrt(east_m * east_m + north_m * north_m)
+    return max(level, over_m, 1e-3)
 
 
 @inlined
@@ -152,7 +180,9 @@ def cull_terrain(
             continue
         record = lists.records[row]
         scale = px_per_m(eye.lens, centre[0], centre[1], centre[2], radius)
-        error_px = scale * max(record["error_m"], record["texel_m"])
+        away_m = distance_to_box(slot["box_rad"], record["max_height_m"], eye)
+        bound = eye.lens.focal_px / away_m / eye.lens.corner_cos**2
+        error_px = min(scale, bound) * max(record["error_m"], record["texel_m"])
         _fill(room.instances[n], slot, eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]
         room.instances[n, 8] = slot["noise"][0]

@@ -52,7 +52,9 @@ class Film:
 
 
 @contextmanager
-def film(path: Path | None, size_px: tuple[int, int], end_s: float) -> Iterator[Film | None]:
+def film(
+    path: Path | None, size_px: tuple[int, int], end_s: float
+) -> Iterator[Film | None]:
     """Open a film, or none when there is no path."""
     if path is None:
         yield None

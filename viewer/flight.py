@@ -42,6 +42,7 @@ FRAME = np.dtype(
     ]
 )
 UPLOAD_BYTES = 2 << 20
+WARM_FRAMES = 3
 FRAME_S = 1 / 60
 """No frame begins sooner than this after the one before, as on a 60 Hz screen."""
 Progress = Callable[[float], None]
@@ -73,6 +74,8 @@ def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording
     while not (pager.draw_list().number and pager.settled):
         feeder.feed(pager.draw_list().number)
         time.sleep(0.002)
+    for _ in range(WARM_FRAMES):
+        renderer.draw(pager.draw_list(), flight.view(0.0))
     recording.settle_s = time.perf_counter() - start_s
     with quiet_collector():
         start_s = time.perf_counter()
@@ -89,13 +92,23 @@ def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording
             clock.resume()
             age_ms = (view.t_s - drawn.view.t_s) * 1e3
             wait_ms = clock.wait_ms() + stats.gil_ms
-            record(session, recording, view, drawn, stats, (upload_ms, wait_ms, age_ms, moved), clock)
+            record(
+                session,
+                recording,
+                view,
+                drawn,
+                stats,
+                (upload_ms, wait_ms, age_ms, moved),
+                clock,
+            )
             progress(now_s)
             time.sleep(max(0.0, FRAME_S - clock.frame_ms() / 1e3))
     return recording
 
 
-def fly_settled(session: Session, flight: Flight, count: int, progress: Progress) -> Recording:
+def fly_settled(
+    session: Session, flight: Flight, count: int, progress: Progress
+) -> Recording:
     """Stop at `count` poses until each is settled; then draw it once more, timed."""
     recording = Recording(rss_before_bytes=resident_bytes())
     for t_s in np.linspace(0.0, flight.path.duration_s, count).tolist():
@@ -183,7 +196,10 @@ def record(
 
 def sum_of(memory: dict[str, int]) -> int:
     """Return the bytes in use now."""
-    return sum(memory[key] for key in ("index_bytes", "resident_bytes", "uploaded_bytes", "in_flight_bytes"))
+    return sum(
+        memory[key]
+        for key in ("index_bytes", "resident_bytes", "uploaded_bytes", "in_flight_bytes")
+    )
 
 
 class quiet_collector:  # noqa: N801  (used as a statement)

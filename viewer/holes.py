@@ -22,9 +22,9 @@ def hole_pixels(renderer: Renderer, view: ViewState, lowest_m: float) -> int:
     """Count pixels of the last frame that should show the earth and show no tile.
 
     A pixel is a hole when its ray (float64) meets the ellipsoid lowered to `lowest_m`,
-    the store's least height, and its id is that of no tile.
+    the store's least height, and no tile or object was drawn there.
     """
-    empty = renderer.read_ids() == 0
+    empty = renderer.read_empty()
     return int(meets_ellipsoid(view, pixel_rays(view)[empty], lowest_m).sum())
 
 
@@ -62,7 +62,7 @@ class ObjectHoles:
         bits = (drawn.proxies[:, None] >> CHILDREN) & 1
         return set(self._forest.children[drawn.objects][bits > 0].tolist())
 
-    def _is_shown(self, row: int, shown: np.ndarray, below: set[int]) -> bool:  # type: ignore[type-arg]
+    def _is_shown(self, row: int, shown: np.ndarray, below: set[int]) -> bool:
         if shown[row] or (shown[self._descendants(row)]).any():
             return True
         while row >= 0:

@@ -77,7 +77,7 @@ class LanePass:
 
     def _lay_out(self) -> None:
         add = self._gl.call
-        buffers = self._arena.vertices.glo, self._arena.indices.glo
+        buffers = self._arena.vertices.name, self._arena.indices.name
         add("glVertexArrayVertexBuffer", self.name, 0, buffers[0], 0, VERTEX.itemsize)
         add("glVertexArrayElementBuffer", self.name, buffers[1])
         for location, size, kind, offset, is_integer in VERTEX_INPUTS:

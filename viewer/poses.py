@@ -14,7 +14,9 @@ GROUND_HZ = 60
 class Flight:
     """Poses of a path at any time, with the ground's height known beforehand."""
 
-    def __init__(self, path: CameraPath, surface: Surface, size_px: tuple[int, int]) -> None:
+    def __init__(
+        self, path: CameraPath, surface: Surface, size_px: tuple[int, int]
+    ) -> None:
         self.path, self._size_px = path, size_px
         count = max(2, int(np.ceil(path.duration_s * GROUND_HZ)) + 1)
         self._times_s = np.linspace(0.0, path.duration_s, count)

@@ -24,7 +24,9 @@ LIMIT_PX = 2.0
 Json = dict[str, Any]
 
 
-def flight_report(session: Session, recording: Recording, run: Json, played: Replay) -> Json:
+def flight_report(
+    session: Session, recording: Recording, run: Json, played: Replay
+) -> Json:
     """Put everything that was measured in one flight together.
 
     Parameters
@@ -35,7 +37,11 @@ def flight_report(session: Session, recording: Recording, run: Json, played: Rep
     memory = session.pager.memory()
     counters = session.pager.counters
     size, count = distinct_bytes(session, recording.lists)
-    settings = {**run, **_plain(asdict(session.settings)), "size_px": session.picture.size_px}
+    settings = {
+        **run,
+        **_plain(asdict(session.settings)),
+        "size_px": session.picture.size_px,
+    }
     io = {"bytes_read": counters["bytes_read"], **_tiles(counters)}
     return {
         "settings": settings,
@@ -49,8 +55,9 @@ def flight_report(session: Session, recording: Recording, run: Json, played: Rep
             "misses": count,
         },
         "screen_error_px": {
-            **percentiles(frames["screen_error_px"]),
-            "share_frames_within_2px": float((frames["screen_error_px"] <= LIMIT_PX).mean()),
+            **percentiles(played.screen_error_px),
+            "share_frames_within_2px": float((played.screen_error_px <= LIMIT_PX).mean()),
+            "share_pixels_within_threshold_or_leaf": float(played.kept.mean()),
         },
         "io": io,
         "memory": {
@@ -61,13 +68,18 @@ def flight_report(session: Session, recording: Recording, run: Json, played: Rep
             "rss_before_bytes": recording.rss_before_bytes,
             "rss_peak_bytes": int(frames["rss_bytes"].max()),
         },
-        "drawn": drawn_figures(frames, recording),
+        "drawn": drawn_figures(frames),
         "stages_ms": {
             "upload": float(frames["upload_ms"].mean()),
             "selection": float(frames["cull_ms"].mean()),
             "draw": float(frames["draw_ms"].mean()),
             "rest": float(
-                (frames["frame_ms"] - frames["upload_ms"] - frames["cull_ms"] - frames["draw_ms"]).mean()
+                (
+                    frames["frame_ms"]
+                    - frames["upload_ms"]
+                    - frames["cull_ms"]
+                    - frames["draw_ms"]
+                ).mean()
             ),
         },
         "faults": list(session.pager.faults),
@@ -96,7 +108,7 @@ def frame_figures(frames: NDArray[np.void], played: Replay, *, paced: bool) -> J
     return found
 
 
-def drawn_figures(frames: NDArray[np.void], recording: Recording) -> Json:
+def drawn_figures(frames: NDArray[np.void]) -> Json:
     """Triangles, draw calls, objects, and how far away the first object was drawn."""
     found: Json = {
         "triangles_mean": float(frames["triangles"].mean()),
@@ -127,12 +139,13 @@ def _plain(settings: Json) -> Json:
     return {key: value for key, value in settings.items() if value is not None}
 
 
-def write_report(folder: Path, report: Json, recording: Recording) -> None:
-    """Write report.json and frames.csv."""
+def write_report(folder: Path, report: Json, recording: Recording, played: Replay) -> None:
+    """Write report.json and frames.csv; the screen error is that of the replay."""
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(report, indent=2, default=_number, allow_nan=False)
     (folder / "report.json").write_text(text + "\n")
     frames = recording.table()
+    frames["screen_error_px"] = played.screen_error_px
     with (folder / "frames.csv").open("w", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(frames.dtype.names or ())

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A store that is open for looking at: pager, renderer and what moves tiles between."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -14,13 +15,18 @@ from geopage.view import ViewState
 from tiles import objects, terrain
 from tiles.errors import InputError
 from tiles.lanes import Lane
+from tiles.objects import ObjectTile
 from tiles.store import Store
 from tiles.surface import Surface
+from tiles.terrain import TerrainTile
 from viewer.arena import ArenaSize
 from viewer.renderer import FrameStats, Renderer
 from viewer.settle import Feeder, render_settled
 
-DECODE = {Lane.TERRAIN: terrain.decode, Lane.OBJECTS: objects.decode}
+DECODE: dict[Lane, Callable[[bytes], TerrainTile | ObjectTile]] = {
+    Lane.TERRAIN: terrain.decode,
+    Lane.OBJECTS: objects.decode,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +41,10 @@ class Session:
     """One store, paged and drawn without a window. Thread: the one that made it."""
 
     def __init__(
-        self, path: Path, settings: PagerSettings, picture: Picture = Picture()  # noqa: B008
+        self,
+        path: Path,
+        settings: PagerSettings,
+        picture: Picture = Picture(),
     ) -> None:
         warm_up()
         self.store = Store(path)

@@ -17,6 +17,7 @@ SLOT = np.dtype(
     [
         ("centre", "<f8", 3),
         ("scale_m", "<f4"),
+        ("box_rad", "<f8", 4),  # terrain: west, south, east, north
         ("uploaded", "<i4"),
         ("base_vertex", "<i4"),
         ("vertex_count", "<i4"),

@@ -146,7 +146,7 @@ def test_tiles_are_asked_for_before_they_are_drawn() -> None:
     for share, asked in ((ASK_EARLIER * 0.999, [top]), (ASK_EARLIER * 1.001, [])):
         chosen = chosen_with(facing(top, reach_m * share), uploaded([]))
         assert chosen.wants[Lane.OBJECTS].rows.tolist() == asked
-        assert not chosen.wants[Lane.OBJECTS].now.any()
+        assert not chosen.wants[Lane.OBJECTS].now
 
 
 def test_blocks_stay_while_the_proxy_tile_above_them_loads() -> None:
@@ -156,7 +156,7 @@ def test_blocks_stay_while_the_proxy_tile_above_them_loads() -> None:
     flags[middle | (TOWN.level == CITY_LEVELS[0])] = 0
     chosen = chosen_with(far, flags)
     wanted = chosen.wants[Lane.OBJECTS]
-    assert set(TOWN.level[wanted.rows[wanted.now]]) & set(CITY_LEVELS[:2])
+    assert set(TOWN.level[wanted.rows[: wanted.now]]) & set(CITY_LEVELS[:2])
     assert (TOWN.level[chosen.objects] == BLOCK_LEVEL).all()
 
 

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+from itertools import pairwise
+
 from geopage.pressure import FULL, STEP, MemoryPressure
 from tests.geopage.worlds import view_at
 
@@ -8,7 +10,7 @@ def test_the_factor_rises_in_small_steps_until_the_view_fits() -> None:
     factors = [1.0]
     while pressure.update(int(4000 / pressure.factor**2), view):
         factors.append(pressure.factor)
-    assert all(b / a <= STEP * 1.0001 for a, b in zip(factors, factors[1:], strict=False))
+    assert all(b / a <= STEP * 1.0001 for a, b in pairwise(factors))
     assert 4000 / pressure.factor**2 <= FULL * 1000
     assert f"{pressure.factor:.2f}" in pressure.message
 

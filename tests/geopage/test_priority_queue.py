@@ -16,7 +16,7 @@ REQUESTS = st.dictionaries(st.integers(0, COUNT - 1), st.floats(-50, 1050), max_
 
 
 def queue_of(lane: Lane, requests: dict[int, float]) -> PriorityQueue:
-    queue = PriorityQueue({one: COUNT for one in Lane})
+    queue = PriorityQueue(dict.fromkeys(Lane, COUNT))
     put(queue, lane, requests)
     return queue
 
@@ -32,7 +32,7 @@ class QueueMachine(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.queue = PriorityQueue({lane: COUNT for lane in Lane})
+        self.queue = PriorityQueue(dict.fromkeys(Lane, COUNT))
         self.pending: dict[Lane, dict[int, float]] = {lane: {} for lane in Lane}
         self.wanted: dict[Lane, dict[int, float]] = {lane: {} for lane in Lane}
         self.taken: dict[Lane, set[int]] = {lane: set() for lane in Lane}

@@ -22,7 +22,7 @@ ARROWS = {
 }
 
 
-@pytest.mark.parametrize(("was", "to"), itertools.product(State, State))
+@pytest.mark.parametrize(("was", "to"), list(itertools.product(State, State)))
 def test_only_the_arrows_of_the_diagram_can_be_gone(was: State, to: State) -> None:
     if (was.name, to.name) in ARROWS:
         assert advance(was, to) is to

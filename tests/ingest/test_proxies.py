@@ -31,14 +31,15 @@ def whole(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array([0]), np.array([count])
 
 
-def test_every_footprint_is_inside_a_box_and_heights_are_between_those_of_the_houses(
+def test_boxes_have_the_area_of_the_footprints_and_lie_within_the_block(
     rng: np.random.Generator,
 ) -> None:
     solids, polygon = block(rng, 80)
     boxes = make_boxes(solids, *whole(80))
     assert len(boxes.group) <= min(MAX_GRID**2, 80)
-    covered = shapely.contains(boxes.polygon[:, None], polygon[None]).any(axis=0)
-    assert covered.all()
+    assert area_m2(boxes.polygon).sum() == pytest.approx(solids.area_m2.sum(), rel=0.2)
+    around = shapely.box(*shapely.total_bounds(polygon)).buffer(1e-9)
+    assert shapely.within(boxes.polygon, around).all()
     assert boxes.foot_m.min() == solids.foot_m.min()
     assert (boxes.top_m <= solids.top_m.max()).all()
     assert (boxes.top_m >= solids.top_m.min()).all()
@@ -49,7 +50,7 @@ def test_a_single_house_is_its_own_proxy_within_the_sampling(
 ) -> None:
     solids, polygon = block(rng, 1)
     boxes = make_boxes(solids, *whole(1))
-    assert np.array_equal(boxes.bounds_deg, solids.bounds_deg)
+    assert np.allclose(boxes.bounds_deg, solids.bounds_deg, rtol=0, atol=1e-8)
     assert boxes.top_m == solids.top_m
     samples = sample_surfaces(extrude(polygon, solids.foot_m, solids.top_m))
     assert measure(boxes, samples, *whole(1))[0] < 10

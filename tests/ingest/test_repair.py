@@ -112,6 +112,15 @@ def test_a_footprint_of_too_many_corners_is_simplified_by_little() -> None:
     assert shapely.hausdorff_distance(found.polygon[0], circle) * DEGREE_M < 1
 
 
+def test_a_footprint_of_thousands_of_parts_ends_as_its_hull() -> None:
+    at = np.arange(1500) * 2.0
+    parts = [shapely.Polygon(near((x, 0), (x + 1, 0), (x + 1, 1), (x, 1))) for x in at]
+    found = repair(shapes(shapely.MultiPolygon(parts)))
+    assert found.was_repaired[0]
+    assert shapely.get_num_coordinates(found.polygon[0]) <= MAX_VERTICES
+    assert found.polygon[0].covers(parts[700])
+
+
 corner = st.tuples(st.integers(0, 12), st.integers(0, 12))
 
 

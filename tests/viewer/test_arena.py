@@ -1,4 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
+import resource
+from pathlib import Path
+
 import moderngl
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from tiles.lanes import Lane
 from tiles.terrain import MIP_BYTES
 from viewer.allocator import FirstFit
 from viewer.arena import Arena, ArenaSize
+from viewer.buffers import PINNED, LargeBuffer
 from viewer.gl import Gl
 from viewer.slots import noise_of
 from viewer.textures import decode_bc1
@@ -136,3 +140,24 @@ def test_grain_of_touching_cells_meets() -> None:
 def test_checker_has_two_colours() -> None:
     texels = decode_bc1(checker((200, 0, 0), (0, 0, 200))[: MIP_BYTES[0]], 256)
     assert len(np.unique(texels.reshape(-1, 4), axis=0)) == 2
+
+
+def resident_bytes() -> int:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize()
+
+
+def test_room_costs_memory_only_where_a_tile_is(gl_context: moderngl.Context) -> None:
+    gl = Gl(gl_context)
+    if not gl.is_software or PINNED not in gl_context.extensions:
+        pytest.skip("the driver keeps buffers in its own memory")
+    before = resident_bytes()
+    buffer = LargeBuffer(gl, 256 << 20)
+    data = np.arange(1 << 20, dtype=np.uint8)
+    gl.call("glNamedBufferSubData", buffer.name, 99 << 20, data.nbytes, data.ctypes.data)
+    back = np.zeros(16, np.uint8)
+    where = buffer.name, 99 << 20, back.nbytes, back.ctypes.data
+    gl.call("glGetNamedBufferSubData", *where)
+    assert np.array_equal(back, np.arange(16))
+    assert resident_bytes() - before < 32 << 20
+    buffer.release()

@@ -224,5 +224,28 @@ def test_what_the_gpu_gets_is_exact_to_a_hundredth_of_a_pixel(
     assert 0.0 < worst <= 0.01
 
 
+def test_nothing_in_a_cell_is_nearer_than_its_box(rng: np.random.Generator) -> None:
+    used = 0
+    for _ in range(300):
+        lon, lat = rng.uniform(-np.pi, np.pi), rng.uniform(-1.5, 1.5)
+        level = int(rng.integers(2, 14))
+        step = rng.normal(size=2) * 10.0 ** rng.uniform(-4, -0.3)
+        near = float(np.clip(lat + step[1], -1.57, 1.57))
+        west, south, east, north = cells.bounds_rad(
+            cells.cell_at(lon + step[0], near, level)
+        )
+        view = view_state(Pose(lon, lat, 10.0 ** rng.uniform(1, 5), 0.0, 0.0), SIZE)
+        u, v, h = rng.random((3, 500))
+        points = geodesy.to_ecef(
+            west + u * (east - west), south + v * (north - south), h * 2000.0 - 1000.0
+        )
+        nearest = float(np.linalg.norm(points - view.eye, axis=1).min())
+        box = np.array((west, south, east, north))
+        bound = cull.distance_to_box(box, 1000.0, cull.eye_of(view))
+        assert bound <= nearest * (1 + 1e-9)
+        used += bound > 0.3 * nearest
+    assert used > 150
+
+
 def test_slots_are_laid_out_for_kernels() -> None:
     assert SLOT.itemsize % 8 == 0

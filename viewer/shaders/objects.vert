@@ -13,11 +13,11 @@ const vec3 PLASTER[8] = vec3[8](
     vec3(0.84, 0.76, 0.66), vec3(0.74, 0.76, 0.76), vec3(0.88, 0.80, 0.66),
     vec3(0.78, 0.66, 0.58), vec3(0.70, 0.62, 0.54));
 const vec3 TILES[8] = vec3[8](
-    vec3(0.62, 0.36, 0.26), vec3(0.50, 0.48, 0.46), vec3(0.58, 0.42, 0.33),
-    vec3(0.42, 0.42, 0.43), vec3(0.66, 0.60, 0.52), vec3(0.55, 0.33, 0.25),
-    vec3(0.56, 0.55, 0.53), vec3(0.47, 0.40, 0.36));
+    vec3(0.64, 0.44, 0.35), vec3(0.52, 0.51, 0.50), vec3(0.60, 0.50, 0.42),
+    vec3(0.45, 0.45, 0.47), vec3(0.70, 0.67, 0.61), vec3(0.57, 0.42, 0.35),
+    vec3(0.62, 0.62, 0.61), vec3(0.50, 0.45, 0.41));
 const vec3 MEAN_PLASTER = vec3(0.81, 0.75, 0.67);
-const vec3 MEAN_TILES = vec3(0.545, 0.445, 0.39);
+const vec3 MEAN_TILES = vec3(0.58, 0.51, 0.465);
 
 vec3 own_colour(bool is_roof) {
     if (detail.y == 65535u) return is_roof ? MEAN_TILES : MEAN_PLASTER;

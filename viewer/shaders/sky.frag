@@ -23,7 +23,7 @@ void main() {
     vec3 way = way_of_pixel();
     vec3 up;
     float air = air_along(normalize(way * TO_UNIT), up);
-    vec3 t = through(air * zenith.w);
+    vec3 t = through(air * zenith.w * 1.8);
     float day = daylight(up);
     float near_sun = max(dot(way, sun.xyz), 0.0);
     near_sun *= near_sun; near_sun *= near_sun;

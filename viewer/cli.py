@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`geopage render`, `fly`, `chart`, `demo` and `doctor`."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from geopage.arguments import (
+    HEADING_PITCH,
+    LAT_LON_HEIGHT,
+    Parser,
+    numbers,
+    positive,
+    print_json,
+    size,
+)
+from geopage.settings import MIB, POLICIES, PagerSettings, Throttle
+from viewer.session import Picture
+
+THROTTLE = numbers(2, "MIB_PER_S,LATENCY_MS", ((1e-6, 1e6), (0, 1e6)))
+
+
+def render(words: list[str]) -> int:
+    """Make one settled picture."""
+    parser = Parser(
+        "render", "Make one picture, with everything that its view wants loaded."
+    )
+    parser.add_argument("store", type=Path)
+    parser.add_argument(
+        "--at", type=LAT_LON_HEIGHT, required=True, metavar="LAT,LON,HEIGHT"
+    )
+    parser.add_argument(
+        "--look", type=HEADING_PITCH, default=(0.0, -30.0), metavar="HEADING,PITCH"
+    )
+    parser.add_argument(
+        "--fov", type=positive, default=60.0, metavar="DEG", help="vertical"
+    )
+    parser.add_argument(
+        "--height-reference",
+        choices=("ground", "ellipsoid"),
+        default="ground",
+        help="of --at",
+    )
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.png")
+    parser.add_argument(
+        "--positions", type=Path, metavar="OUT.npy", help="drawn points, ECEF m"
+    )
+    drawing(parser)
+    given = parser.read(words)
+    if given.fov >= 170:
+        parser.error("--fov is not below 170")
+    from viewer.still import render_still  # noqa: PLC0415  (opens GL)
+
+    report = render_still(given.store, settings_of(given), given)
+    if given.json:
+        print_json(report)
+    return 0
+
+
+def fly(words: list[str]) -> int:
+    """Fly a camera path and write a report."""
+    parser = Parser(
+        "fly",
+        "Fly a camera path and write report.json, frames.csv, flight.svg and index.html.",
+        "A paced flight runs in real time; a settled one waits at every pose.",
+    )
+    parser.add_argument("store", type=Path)
+    parser.add_argument("path", type=Path, metavar="PATH.json")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--paced", action="store_true", help="in real time (default)")
+    how.add_argument("--settled", action="store_true", help="wait at every pose")
+    parser.add_argument("--poses", type=int, default=60, help="of a settled flight")
+    parser.add_argument("--policy", choices=POLICIES, default="benefit")
+    parser.add_argument("--throttle", type=THROTTLE, metavar="MIB_PER_S,LATENCY_MS")
+    parser.add_argument("--film", type=Path, metavar="OUT.mp4")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    drawing(parser)
+    given = parser.read(words)
+    if given.poses < 2:
+        parser.error("--poses is below 2")
+    from viewer.run import Run  # noqa: PLC0415  (opens GL)
+    from viewer.run import fly as fly_path  # noqa: PLC0415
+
+    run = Run(given.path, given.out, not given.settled, given.poses, given.film)
+    report = fly_path(given.store, settings_of(given), picture_of(given), run)
+    if given.json:
+        print_json(report)
+    else:
+        print(summary(report))
+    return 0
+
+
+def summary(report: dict[str, Any]) -> str:
+    """Say in three lines what a flight was like."""
+    frames, floor, error = report["frames"], report["floor"], report["screen_error_px"]
+    io, memory = report["io"], report["memory"]
+    waits = f", {frames['waits']} waits" if "waits" in frames else ""
+    return (
+        f"{frames['count']} frames: mean {frames['mean_ms']:.1f} ms,"
+        f" sd {frames['sd_ms']:.1f}, median {frames['p50_ms']:.1f}"
+        f" (floor {floor['frame_p50_ms']:.1f}), p99 {frames['p99_ms']:.1f}"
+        f" (floor {floor['frame_p99_ms']:.1f})\n"
+        f"{frames['holes']} holes{waits}, {frames['with_stand_ins']} frames with stand-ins,"
+        f" screen error p50 {error['p50']:.2f} px, p95 {error['p95']:.2f} px\n"
+        f"{io['tiles_loaded']} tiles, {io['bytes_read'] / 1e6:.1f} MB read,"
+        f" peak {memory['peak_bytes'] / MIB:.0f} of {memory['budget_bytes'] / MIB:.0f} MiB"
+    )
+
+
+def chart(words: list[str]) -> int:
+    """Draw speed against accuracy from flights."""
+    parser = Parser("chart", "Draw frame time against screen error, a curve a method.")
+    parser.add_argument(
+        "runs", type=Path, nargs="+", metavar="RUN", help="folder of a flight"
+    )
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.svg")
+    given = parser.read(words)
+    from viewer.charts import read_report, speed_against_accuracy  # noqa: PLC0415  (slow)
+
+    speed_against_accuracy([read_report(run) for run in given.runs], given.out)
+    return 0
+
+
+def demo(words: list[str]) -> int:
+    """Make the sample world and fly it."""
+    parser = Parser(
+        "demo",
+        "Make the sample world, fly from 10,000 km to a street in San Francisco, and write"
+        " pictures, a film, a report and the chart.",
+        "What is there already is used again.",
+    )
+    parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR")
+    given = parser.read(words)
+    from viewer.demo import make_demo  # noqa: PLC0415  (opens GL)
+
+    make_demo(given.out)
+    print(f"open {given.out / 'index.html'}")
+    return 0
+
+
+def doctor(words: list[str]) -> int:
+    """Say what this machine can draw with."""
+    parser = Parser(
+        "doctor", "Say which OpenGL driver is found and which fast paths it has."
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    given = parser.read(words)
+    from viewer.doctor import examine  # noqa: PLC0415  (opens GL)
+
+    found = examine()
+    if given.json:
+        print_json(found)
+        return 0
+    paths = found.pop("fast_paths")
+    for key, value in found.items():
+        sys.stdout.write(f"{key.replace('_', ' ')}: {value}\n")
+    if isinstance(paths, dict):
+        for what, there in paths.items():
+            sys.stdout.write(f"  {what}: {'yes' if there else 'no'}\n")
+    return 0
+
+
+def drawing(parser: Parser) -> None:
+    """Add what all drawing commands have."""
+    parser.add_argument("--size", type=size, default=(1280, 720), metavar="WxH")
+    parser.add_argument(
+        "--threshold", type=positive, default=2.0, metavar="PX", help="largest screen error"
+    )
+    parser.add_argument(
+        "--object-threshold",
+        type=positive,
+        metavar="PX",
+        help="least projected size of an object",
+    )
+    parser.add_argument("--budget", type=positive, default=512.0, metavar="MIB")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+
+
+def settings_of(given: argparse.Namespace) -> PagerSettings:
+    """Return the pager's settings."""
+    throttle = Throttle(*given.throttle) if getattr(given, "throttle", None) else None
+    policy = getattr(given, "policy", "benefit")
+    budget = int(given.budget * MIB)
+    return PagerSettings(
+        given.threshold, given.object_threshold, budget, throttle=throttle, policy=policy
+    )
+
+
+def picture_of(given: argparse.Namespace) -> Picture:
+    """Return the picture's size."""
+    return Picture(given.size)

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run of `geopage fly`: fly, replay, write everything into a folder."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from geopage.settings import PagerSettings
+from tiles.errors import InputError
+from tiles.lanes import Lane
+from viewer.camera_path import CameraPath, read_path
+from viewer.charts import flight_over_time
+from viewer.film import film
+from viewer.flight import Recording, fly_paced, fly_settled
+from viewer.page import Page, write_page
+from viewer.poses import Flight
+from viewer.replay import Replay, Rgb, look_again, time_again
+from viewer.report import flight_report, write_report
+from viewer.session import Picture, Session
+
+Json = dict[str, Any]
+SETTLED_POSES = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What to fly and what to leave behind."""
+
+    path: Path
+    out: Path
+    paced: bool = True
+    poses: int = SETTLED_POSES
+    """Of a settled run."""
+    film: Path | None = None
+    page: bool = True
+
+
+def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Json:
+    """Fly a camera path over a store and write report, frames, charts and page.
+
+    Raises
+    ------
+    InputError
+    """
+    path = read_path(run.path)
+    make_folders(run)
+    with Session(store, settings, picture) as session:
+        flight = Flight(path, session.surface, picture.size_px)
+        recording = _fly(session, flight, run)
+        session.pager.close()
+        played = _replay(session, recording, path, run)
+        about = {"path": path.name, "mode": "paced" if run.paced else "settled"}
+        report = flight_report(session, recording, about, played)
+    _first_object(report, recording, session)
+    write_report(run.out, report, recording, played)
+    if run.page:
+        _write_page(run, report, recording, played)
+    return report
+
+
+def make_folders(run: Run) -> None:
+    """Make the run's folder before anything is flown.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        run.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        advice = "name a folder that can be made"
+        raise InputError(run.out, str(error.strerror or error), advice) from error
+    if run.film and not run.film.parent.is_dir():
+        raise InputError(run.film, "its folder does not exist", "make the folder first")
+
+
+def _fly(session: Session, flight: Flight, run: Run) -> Recording:
+    with bar(f"flying {flight.path.name}", flight.path.duration_s, "s") as show:
+        if run.paced:
+            return fly_paced(session, flight, show)
+        return fly_settled(session, flight, run.poses, show)
+
+
+def _replay(session: Session, recording: Recording, path: CameraPath, run: Run) -> Replay:
+    times_s = [view.t_s for view in recording.views]
+    with bar("replaying for the floor", len(times_s), "frames") as show:
+        frame_ms = time_again(session, recording, show)
+    with (
+        film(run.film, session.picture.size_px, path.duration_s) as made,
+        bar("replaying for holes and film", len(times_s), "frames") as show,
+    ):
+
+        def keep(i: int, rgb: Rgb) -> None:
+            if made:
+                made.show(times_s[i], rgb)
+
+        return look_again(session, recording, frame_ms, keep if made else None, show)
+
+
+def _first_object(report: Json, recording: Recording, session: Session) -> None:
+    """Say how far the first drawn object was, and how far d = s f / threshold says."""
+    records = session.pager.forests[Lane.OBJECTS].records
+    for view, drawn, frame in zip(
+        recording.views, recording.lists, recording.table(), strict=True
+    ):
+        if frame["objects"] > 0 and len(drawn.objects):
+            centre, radius = (
+                records["centre"][drawn.objects],
+                records["radius_m"][drawn.objects],
+            )
+            away = ((centre - view.eye) ** 2).sum(axis=1) ** 0.5 - radius
+            size = records["proxy_dimension_m"][drawn.objects].max()
+            report["drawn"]["first_object_distance_m"] = float(away.min())
+            report["drawn"]["first_object_expected_m"] = float(
+                size * view.focal_px / drawn.threshold_px
+            )
+            return
+
+
+def _write_page(run: Run, report: Json, recording: Recording, played: Replay) -> None:
+    flight_over_time(
+        recording.table(),
+        run.out / "flight.svg",
+        error_px=played.screen_error_px,
+        budget_bytes=report["memory"]["budget_bytes"],
+        floor_ms=played.frame_ms,
+    )
+    name = report["settings"]["path"]
+    seen = "in real time" if run.paced else "settled at every pose"
+    text = (
+        "The flight over time. Height, frame time beside its floor, screen error, memory."
+    )
+    film_name = run.film.name if run.film and run.film.parent == run.out else None
+    charts = [("flight.svg", text)]
+    write_page(
+        run.out, Page(f"Flight {name}", f"Flown {seen}.", report, film_name, (), charts)
+    )
+
+
+class bar:  # noqa: N801  (used as a statement)
+    """A progress bar on stderr that appears after a second."""
+
+    def __init__(self, what: str, total: float, unit: str) -> None:
+        form = "{l_bar}{bar}| {n:.0f}/{total:.0f} {unit} [{elapsed}<{remaining}]"
+        self._bar: Any = tqdm(
+            total=total, desc=what, unit=unit, delay=1.0, file=sys.stderr, bar_format=form
+        )
+
+    def __enter__(self) -> Any:
+        return self.show
+
+    def show(self, done: float) -> None:
+        """Show how far it is."""
+        self._bar.update(done - self._bar.n)
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.close()
