@@ -71,16 +71,32 @@ def guarded(command: Command, words: list[str]) -> int:
         print(f"geopage: {error}", file=sys.stderr)
     except sqlite3.DatabaseError as error:
         print(
-            f"geopage: the store can't be used ({error}); run geopage check",
-            file=sys.stderr,
+            f"geopage: the store can't be used ({error}); {advice(error)}", file=sys.stderr
         )
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        what = f"{error.filename}: " if error.filename else ""
+        print(f"geopage: {what}{error.strerror}; check the path", file=sys.stderr)
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else 2
     except KeyboardInterrupt:
         print("geopage: stopped; what was reported done is kept", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
     return 2
+
+
+def advice(error: sqlite3.DatabaseError) -> str:
+    """Return what to do about an error of the store's file."""
+    text = str(error)
+    known = {
+        "locked": "another command writes to it, try again when that is done",
+        "full": "make room on the disk and run the command again",
+        "readonly": "check the permissions of the file and of its folder",
+        "unable to open": "check the permissions of the file and of its folder",
+    }
+    return next((say for what, say in known.items() if what in text), "run geopage check")
 
 
 def find(name: str) -> Command | None:

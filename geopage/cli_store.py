@@ -67,7 +67,7 @@ def sample(words: list[str]) -> int:
     parser = Parser(
         "sample",
         "Finest height above the ellipsoid, its error bound, linked cells and buildings.",
-        "Points files are CSV with the columns lat_deg,lon_deg; the answers keep their order.",
+        "A points file is CSV with the columns lat_deg,lon_deg; answers keep its order.",
     )
     parser.add_argument("store", type=Path)
     where = parser.add_mutually_exclusive_group(required=True)
@@ -90,11 +90,13 @@ def _line(point: dict[str, Any]) -> str:
     place = f"{point['lat_deg']:.7f},{point['lon_deg']:.7f}"
     height = f"{point['height_m']:.2f} m +- {point['error_m']:.2f} m"
     standing = "".join(
-        f"\n  object {o['id']} of {o['source']}: {o['height_m']:.1f} m high {o['attributes']}"
-        for o in point["objects"]
+        f"\n  object {one['id']} of {one['source']}: {one['height_m']:.1f} m high"
+        f" {one['attributes']}"
+        for one in point["objects"]
     )
     linked = " ".join(point["linked_cells"])
-    return f"{place}  {height}  level {point['level']}  {point['source']}  linked {linked}{standing}"
+    ground = f"level {point['level']}  {point['source']}  linked {linked}"
+    return f"{place}  {height}  {ground}{standing}"
 
 
 def read_points(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -110,7 +112,7 @@ def read_points(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]
     """
     if not path.is_file():
         raise InputError(path, "no such file", "check the path")
-    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
         rows = csv.DictReader(file)
         if not {"lat_deg", "lon_deg"} <= set(rows.fieldnames or []):
             raise InputError(path, "lacks lat_deg or lon_deg", "begin with lat_deg,lon_deg")

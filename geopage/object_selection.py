@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from geopage.screen_error import Lens, px_per_m
 from geopage.tree import F8, U1, Tree
 from tiles.forest import Rows
-from tiles.kernels import kernel
+from tiles.kernels import inlined, kernel
 
 ASK_EARLIER = 1.4
 """Tiles are asked for at this much more distance than they are drawn at."""
@@ -117,29 +117,35 @@ def visit(
     below, scale = np.empty((n, 4), np.int32), np.empty(n, np.float64)
     own, go_on = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
     proxies, held = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+    # Handing a whole tree to a function costs more than such a function does.
+    centre, radius_m = tree.centre, tree.radius_m
+    subtree_m, proxy_m = tree.subtree_m, tree.proxy_m
     count = 0
     for root in tree.roots:
-        scale[count] = scale_of(tree, lens, root)
-        if is_seen(tree, root, scale[count], tau, object_tau):
+        x, y, z = centre[root]
+        scale[count] = px_per_m(lens, x, y, z, radius_m[root])
+        if is_seen(subtree_m[root], proxy_m[root], scale[count], tau, object_tau):
             rows[count], above[count] = root, -1
             count += 1
     i = 0
     while i < count:
         row = rows[i]
         below[i] = -1
-        own[i] = tree.has_tile[row] and tree.own_m[row] * scale[i] > object_tau
-        if held[i]:
-            own[i], proxies[i] = tree.has_tile[row], tree.proxies[row]
+        own[i] = tree.has_tile[row] and (held[i] or tree.own_m[row] * scale[i] > object_tau)
+        rough = tree.error_m[row] * scale[i] > tau
+        shown = proxy_m[row] * scale[i] > tau or held[i]
         for k in range(4):
-            child, bit = tree.children[row, k], np.uint8(1 << k)
-            if child < 0 or held[i]:
+            child, proxy = tree.children[row, k], tree.proxies[row] >> k & 1
+            if child < 0:
                 continue
-            scale[count] = scale_of(tree, lens, child)
-            choice = choose(tree, row, k, scale[i], scale[count], tau, object_tau)
-            go_on[i] |= bit if choice == GO_ON else NOTHING
-            proxies[i] |= bit if choice == PROXY else NOTHING
-            held[count] = choice == PROXY and not uploaded[row] and uploaded[child]
-            if choice == GO_ON or held[count]:
+            x, y, z = centre[child]
+            scale[count] = px_per_m(lens, x, y, z, radius_m[child])
+            seen = is_seen(subtree_m[child], proxy_m[child], scale[count], tau, object_tau)
+            better = seen and (rough or not proxy) and not held[i]
+            go_on[i] |= better << k
+            proxies[i] |= (not better and proxy and shown) << k
+            held[count] = proxies[i] >> k & 1 and uploaded[child] and not uploaded[row]
+            if better or held[count]:
                 rows[count], above[count], below[i, k] = child, i, count
                 count += 1
         i += 1
@@ -156,35 +162,12 @@ def visit(
     )
 
 
-@kernel
-def choose(  # noqa: PLR0913, PLR0917 (a kernel takes numbers, not objects)
-    tree: Tree,
-    row: int,
-    k: int,
-    scale: float,
-    child_scale: float,
-    tau: float,
-    object_tau: float,
-) -> int:
-    """Say whether child `k` of a cell is drawn itself, by its proxy, or not at all."""
-    proxy = tree.proxies[row] >> k & 1
-    rough = tree.error_m[row] * scale > tau or not proxy
-    if rough and is_seen(tree, tree.children[row, k], child_scale, tau, object_tau):
-        return GO_ON
-    return PROXY if proxy and tree.proxy_m[row] * scale > tau else NOTHING
-
-
-@kernel
-def scale_of(tree: Tree, lens: Lens, row: int) -> float:
-    """Return the pixels per metre in a cell's sphere."""
-    c = tree.centre[row]
-    return float(px_per_m(lens, c[0], c[1], c[2], tree.radius_m[row]))
-
-
-@kernel
-def is_seen(tree: Tree, row: int, scale: float, tau: float, object_tau: float) -> bool:
+@inlined
+def is_seen(
+    subtree_m: float, proxy_m: float, scale: float, tau: float, object_tau: float
+) -> bool:
     """Say whether anything at or below a cell is large enough on the screen."""
-    return bool(tree.subtree_m[row] * scale > object_tau or tree.proxy_m[row] * scale > tau)
+    return bool(subtree_m * scale > object_tau or proxy_m * scale > tau)
 
 
 @kernel

@@ -58,10 +58,10 @@ def overview_lines(found: dict[str, Any]) -> list[str]:
     for lane, levels in found["lanes"].items():
         if levels:
             lines.append(f"{lane}: level, cells, tiles, MB, error median and max m")
-        for row in levels:
-            lines.append(
-                f"  {row['level']:>2} {row['cells']:>7} {row['tiles']:>7}"
-                f" {row['bytes'] / 1e6:>8.2f} {row['error_median_m']:>9.2f}"
-                f" {row['error_max_m']:>9.2f}"
-            )
+        lines += [
+            f"  {row['level']:>2} {row['cells']:>7} {row['tiles']:>7}"
+            f" {row['bytes'] / 1e6:>8.2f} {row['error_median_m']:>9.2f}"
+            f" {row['error_max_m']:>9.2f}"
+            for row in levels
+        ]
     return lines

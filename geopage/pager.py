@@ -40,6 +40,7 @@ from tiles.store import Store
 SCENE_PERIOD_S = 1 / 40
 LEAST_PAUSE_S = 2e-3
 SWITCH_INTERVAL_S = 1e-3
+"""Longer than other threads hold the GIL at a time; see THREADS.md."""
 CLOSE_S = 2.0
 _DECODE: dict[Lane, Callable[[bytes], object]] = {
     Lane.TERRAIN: terrain.decode,

@@ -13,7 +13,7 @@ from geopage.manager import PageRequests, TileManager
 from geopage.prediction import AHEAD, Motion, ground_under, motion_of, predict
 from geopage.pressure import MemoryPressure
 from geopage.residency import Residency
-from geopage.screen_error import lens_of
+from geopage.screen_error import Lens, lens_of
 from geopage.selection import Flags, Selection, Thresholds, Wants, select
 from geopage.tree import Tree
 from geopage.view import ViewState
@@ -22,6 +22,8 @@ from tiles.lanes import Lane
 
 REST_S = 0.3
 """A view that nobody replaces for so long has come to rest."""
+LIST_AGE_S = 0.08
+"""How old a list may be while it is drawn: a few frames."""
 Later = list[tuple[float, Selection]]
 
 
@@ -100,8 +102,18 @@ class SceneManager:
         stuck = any(self._residency.stuck.values())
         refined = None if stuck or self._previous is None else self._previous.refined
         lens = lens_of(view, motion.turn_rad_s if motion else 0.0)
-        self._previous = select(self._world.trees, lens, uploaded, limits, refined)
+        ahead = self._when_drawn(view, motion)
+        self._previous = select(self._world.trees, lens, uploaded, limits, refined, ahead)
         return self._previous
+
+    @staticmethod
+    def _when_drawn(view: ViewState, motion: Motion | None) -> Lens | None:
+        """Return the view while its list is drawn, where things grow until then."""
+        if motion is None:
+            return None
+        soon = predict(view, motion, LIST_AGE_S)
+        closer = np.linalg.norm(soon.eye) < np.linalg.norm(view.eye)
+        return lens_of(soon, motion.turn_rad_s) if closer else None
 
     def _look_ahead(
         self, view: ViewState, motion: Motion | None, uploaded: Flags, limits: Thresholds

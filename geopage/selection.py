@@ -96,6 +96,7 @@ def select(
     uploaded: Flags,
     limits: Thresholds,
     refined: U1 | None = None,
+    ahead: Lens | None = None,
 ) -> Selection:
     """Choose what to draw now and what to load for later.
 
@@ -107,12 +108,14 @@ def select(
     limits : thresholds, px
     refined : the last selection's; with it detail changes with hysteresis and stays
         while coarser tiles are on their way
+    ahead : where the view will be while the list is drawn, for the objects: what grows
+        above the threshold meanwhile is then in the list; by default the same as `lens`
     """
     land, town = trees[Lane.TERRAIN], trees[Lane.OBJECTS]
     before = np.zeros(len(land.parent), np.uint8) if refined is None else refined
     ground = select_terrain(land, lens, limits.terrain_px, uploaded[Lane.TERRAIN], before)
     things = select_objects(
-        town, lens, limits.terrain_px, limits.objects_px, uploaded[Lane.OBJECTS]
+        town, ahead or lens, limits.terrain_px, limits.objects_px, uploaded[Lane.OBJECTS]
     )
     terrain_wants = Wants(
         ground.wanted, ground.benefit, ground.error_px, len(ground.wanted)

@@ -30,7 +30,7 @@ class TileServer:
     faults : gets one line for each tile that can't be used
     """
 
-    def __init__(  # noqa: PLR0913, PLR0917 (the seams that a test replaces)
+    def __init__(
         self,
         lane: Lane,
         records: NDArray[np.void],

@@ -7,14 +7,20 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from tqdm import tqdm
 
-from ingest.buildings import BuildingOptions, ingest_buildings, rebuild_objects
+from ingest.buildings import (
+    BuildingOptions,
+    ingest_buildings,
+    rebuild_objects,
+    remove_buildings,
+)
+from ingest.features import read_features
 from ingest.grounding import Ground
 from ingest.heights import HeightRules
-from ingest.sample_world import ingest_earth
+from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
 from tiles.errors import InputError
 from tiles.lanes import Lane
@@ -23,6 +29,14 @@ from tiles.surface import Surface
 
 QUIET_S = 1.0
 """A stage shorter than this shows no bar."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and exit with 2."""
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 class Bars:
@@ -54,11 +68,10 @@ def ingest(words: list[str]) -> int:
     given = parser_of_ingest().parse_args(words)
     bars = Bars()
     fresh = not given.store.exists()
+    given.earth = fresh and not given.bare
     start_s = time.perf_counter()
     try:
         check_inputs(given)
-        if fresh and not given.bare:
-            ingest_earth(given.store, bars)
         report = given.run(given, bars)
     except InputError:
         if fresh:
@@ -121,7 +134,9 @@ def rasters(
     """Ingest rasters and ground the buildings on the new terrain."""
     if given.name and len(files) > 1:
         raise InputError(given.name, "one name for several files", "ingest them one by one")
-    report = ingest_rasters(given.store, files, bars)
+    # All in one go: whatever is refused is refused before the earth is meshed.
+    ground = earth_files() if given.earth else []
+    report = ingest_rasters(given.store, [*ground, *files], bars)
     return report | reground(given.store, bars)
 
 
@@ -141,6 +156,11 @@ def buildings(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
         given.height, given.levels, given.base, given.default_height, given.units
     )
     options = BuildingOptions(given.name, given.layer, given.crs, rules, given.report)
+    if given.earth:
+        for path in given.sources:
+            # Refused here, before the earth is meshed.
+            read_features(path, options.layer, options.crs, options.heights)
+        ingest_rasters(given.store, earth_files(), bars)
     if not given.store.exists():
         return ingest_buildings(given.store, given.sources, options, progress=bars)
     with Store(given.store) as reader:
@@ -157,10 +177,10 @@ def ground_of(reader: Store) -> Ground | None:
 
 def parser_of_ingest() -> argparse.ArgumentParser:
     """Return the parser of `geopage ingest`."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="geopage ingest",
-        description="Read elevation models, pictures or footprints into a store. A new store"
-        " starts from the sample earth; the same source again replaces itself.",
+        description="Read elevation models, pictures or footprints into a store. A new"
+        " store starts from the sample earth; the same source again replaces itself.",
     )
     kinds = parser.add_subparsers(required=True, metavar="terrain|imagery|buildings")
     for name, run, text in (
@@ -210,7 +230,7 @@ def building_arguments(kind: argparse.ArgumentParser) -> None:
 
 def remove(words: list[str]) -> int:
     """Take a source out of a store."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="geopage remove", description="Take a source out of a store; see geopage info."
     )
     parser.add_argument("store", type=Path)
@@ -224,12 +244,10 @@ def remove(words: list[str]) -> int:
         raise InputError(given.store, f"has no source {given.source!r}", f"it has {known}")
     bars = Bars()
     if kinds[given.source] == "buildings":
-        with editing(given.store) as writer, writer.transaction():
-            writer.drop_source(given.source)
-        report: dict[str, Any] = {"removed": given.source}
+        report = remove_buildings(given.store, given.source, bars)
     else:
         report = remove_raster(given.store, given.source, 0, bars)
-    report |= reground(given.store, bars)
+        report |= reground(given.store, bars)
     bars.close()
     show(report, as_json=given.json)
     return 0

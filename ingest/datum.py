@@ -16,7 +16,12 @@ from tiles.samples import SAMPLES
 
 GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
 EPSG = {5773: "egm96", 5171: "egm96", 3855: "egm2008", 4979: "ellipsoid", 4326: "ellipsoid"}
-UNITS_M = {"ft": 0.3048, "foot": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937}
+UNITS_M = {
+    "ft": 0.3048,
+    "foot": 0.3048,
+    "us-ft": 1200 / 3937,
+    "us survey foot": 1200 / 3937,
+}
 UNITS_M |= {"cm": 0.01, "centimetre": 0.01, "dm": 0.1, "mm": 0.001, "km": 1000.0}
 """Units that a band may state; metres otherwise."""
 ADVICE = "state one with --datum egm96 or --datum ellipsoid"

@@ -101,7 +101,7 @@ def _worst(posts: Floats, side: int, a: int, b: int, c: int) -> tuple[int, float
             for k in range(3):
                 flat = (w0 * posts[a, k] + w1 * posts[b, k] + w2 * posts[c, k]) / area
                 squared += (flat - posts[p, k]) ** 2
-            if squared > worst and p != a and p != b and p != c:
+            if squared > worst and p not in (a, b, c):  # noqa: PLR6201 - numba: no sets
                 worst, found = squared, p
     return found, np.sqrt(worst)
 
@@ -179,6 +179,16 @@ def _split_edge(
 
 
 @kernel
+def _edge_under(corner: NDArray[np.int64], side: int, t: int, p: int) -> int:
+    """Return the half-edge of triangle t that p lies on, -1 when it lies inside."""
+    edge = -1
+    for k in range(3):
+        if _turn(side, corner[t, k], corner[t, (k + 1) % 3], p) == 0:
+            edge = 3 * t + k
+    return edge
+
+
+@kernel
 def _refine(
     posts: Floats,
     side: int,
@@ -207,15 +217,10 @@ def _refine(
         if worst[t] <= bound_m:
             return count
         p = candidate[t]
-        edge = -1
-        for k in range(3):
-            if _turn(side, corner[t, k], corner[t, (k + 1) % 3], p) == 0:
-                edge = 3 * t + k
-        before, other = (
-            count,
-            opposite[edge] // 3 if edge >= 0 and opposite[edge] >= 0 else -1,
-        )
+        edge = _edge_under(corner, side, t, p)
+        before, other = count, -1
         if edge >= 0:
+            other = opposite[edge] // 3 if opposite[edge] >= 0 else -1
             count = _split_edge(corner, opposite, count, edge, p)
         else:
             count = _split_face(corner, opposite, count, t, p)

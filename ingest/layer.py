@@ -2,6 +2,7 @@
 """One source raster as a function of longitude and latitude."""
 
 import sqlite3
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,13 @@ import pyproj
 from numpy.typing import NDArray
 
 from ingest.datum import undulation_m
-from ingest.raster_blocks import Blocks, level_count, level_shape
+from ingest.dem import is_lon_lat
+from ingest.raster_blocks import BLOCK, Blocks, level_count, level_shape
 from ingest.sampling import bilinear_rgb, triangulated
+from tiles import cells
 from tiles.frames import Floats
+
+POLAR_DEG = 89.9999
 
 
 class Layer:
@@ -30,12 +35,17 @@ class Layer:
         )
         self.is_picture = self._blocks.bands == 3
         self._levels = level_count(self._shape[1], self._shape[0])
+        south, north = self.bounds_deg[1], self.bounds_deg[3]
+        polar = self.wraps and north > POLAR_DEG, self.wraps and south < -POLAR_DEG
+        self._polar = polar if source["transform"][4] < 0 else polar[::-1]
+        self._pole_means: dict[tuple[int, int], float] = {}
         a, b, c, d, e, f = source["transform"]
         self._matrix = np.linalg.inv(np.array([[a, b], [d, e]]))
         self._origin = np.array([c, f])
         crs = pyproj.CRS.from_user_input(source["crs"])
         self._project = self._unproject = None
-        if not crs.is_geographic:
+        self.is_projected = not is_lon_lat(crs)
+        if self.is_projected:
             self._project = pyproj.Transformer.from_crs(4326, crs, always_xy=True).transform
             self._unproject = pyproj.Transformer.from_crs(
                 crs, 4326, always_xy=True
@@ -68,13 +78,16 @@ class Layer:
         inside = (lat_deg >= south - margin_deg) & (lat_deg <= north + margin_deg)
         return np.asarray(inside & (off_deg <= half + wide))
 
-    def heights(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> Floats:
+    def heights(
+        self, lon_rad: Floats, lat_rad: Floats, step_m: float, sea: Floats | None = None
+    ) -> Floats:
         """Return heights above the ellipsoid, NaN where the source has none.
 
         Parameters
         ----------
         lon_rad, lat_rad : (n,) float64
         step_m : distance of the wanted points; posts closer than that are averaged
+        sea : (n,) heights of EGM96's zero surface, where the caller knows them already
         """
         out = np.full(lon_rad.shape, np.nan)
         at = np.flatnonzero(self.near(lon_rad, lat_rad))
@@ -82,22 +95,39 @@ class Layer:
             raw = self._elevations(*self.pixels(lon_rad[at], lat_rad[at]), step_m)
             out[at] = raw
             known = at[np.isfinite(raw)]
-            out[known] += undulation_m(self.datum, lon_rad[known], lat_rad[known])
+            if sea is not None and self.datum == "egm96":
+                out[known] += sea[known]
+            else:
+                out[known] += undulation_m(self.datum, lon_rad[known], lat_rad[known])
         return out
 
     def _elevations(self, col: Floats, row: Floats, step_m: float) -> Floats:
         level = self._level(step_m)
-        pole = np.zeros_like(row)
-        if self.wraps:
-            last = self._shape[0] - 1
-            pole = np.clip(np.maximum(-row, row - last) / 0.5, 0.0, 1.0)
-            row = np.clip(row, 0.0, last)
-        x, y, window = self._window(level, col, row)
-        found = triangulated(window, x, y)
-        for polar in np.flatnonzero(pole > 0):
-            edge = window[0 if row[polar] < 1 else -1]
-            found[polar] += pole[polar] * (float(np.nanmean(edge)) - found[polar])
+        last = self._shape[0] - 1
+        inner = np.clip(
+            row,
+            0.0 if self._polar[0] else -np.inf,
+            last if self._polar[1] else np.inf,
+        )
+        found = triangulated(*self._window(level, col, inner))
+        # Beyond the last row the surface closes over the pole, at that row's mean.
+        for edge, beyond in ((0, -row), (-1, row - last)):
+            if self._polar[edge]:
+                at = np.flatnonzero(beyond > 0.0)
+                if len(at):
+                    part = np.minimum(beyond[at] / 0.5, 1.0)
+                    found[at] += part * (self._pole_mean(level, edge) - found[at])
         return found
+
+    def _pole_mean(self, level: int, edge: int) -> float:
+        """Return the mean of a level's first or last row, NaN when it has no data."""
+        if (level, edge) not in self._pole_means:
+            height, width = level_shape(self._shape[1], self._shape[0], level)
+            row = 0 if edge == 0 else height - 1
+            posts = self._blocks.window(level, row, row + 1, 0, width)
+            known = posts[np.isfinite(posts)].astype(np.float64)
+            self._pole_means[level, edge] = float(known.mean()) if len(known) else np.nan
+        return self._pole_means[level, edge]
 
     def colours(
         self, lon_rad: Floats, lat_rad: Floats, step_m: float
@@ -109,8 +139,7 @@ class Layer:
         inside = self.near(lon_rad, lat_rad) & (row > -0.6) & (row < height - 0.4)
         at = np.flatnonzero(inside & (self.wraps | ((col > -0.6) & (col < width - 0.4))))
         if len(at):
-            x, y, window = self._window(self._level(step_m), col[at], row[at])
-            out[at] = bilinear_rgb(window, x, y)
+            out[at] = bilinear_rgb(*self._window(self._level(step_m), col[at], row[at]))
         return out
 
     def _level(self, step_m: float) -> int:
@@ -119,8 +148,9 @@ class Layer:
 
     def _window(
         self, level: int, col: Floats, row: Floats
-    ) -> tuple[Floats, Floats, NDArray[Any]]:
+    ) -> tuple[NDArray[Any], Floats, Floats]:
         """Read the posts around places, and give the places' columns and rows in them."""
+        height, width = level_shape(self._shape[1], self._shape[0], level)
         x, y = (col + 0.5) / 2**level - 0.5, (row + 0.5) / 2**level - 0.5
         if level:
             x, y = (x if self.wraps else np.maximum(x, 0.0)), np.maximum(y, 0.0)
@@ -128,31 +158,42 @@ class Layer:
         right, bottom = int(np.floor(x.max())) + 2, int(np.floor(y.max())) + 2
         if not self.wraps:
             left = max(left, 0)
+            right = right if level else min(right, width)
         top = max(top, 0)
-        return x - left, y - top, self._blocks.window(level, top, bottom, left, right)
+        bottom = bottom if level else min(bottom, height)
+        return self._blocks.window(level, top, bottom, left, right), x - left, y - top
 
-    def rim(self, most_posts: int, most: int) -> tuple[Floats, Floats, Floats]:
+    def rim(self, most: int) -> tuple[Floats, Floats, Floats]:
         """Return the posts beside no data or the raster's edge: lon_rad, lat_rad, height_m.
 
         Parameters
         ----------
-        most_posts : size above which a halved copy is searched instead
-        most : the rim is thinned to about this many places
+        most : the rim is thinned to about this many places, evenly
         """
-        level = 0
-        while (self._shape[0] >> level) * (self._shape[1] >> level) > most_posts:
-            level += 1
-        height, width = level_shape(self._shape[1], self._shape[0], level)
-        posts = self._blocks.window(level, 0, height, 0, width)
+        strips = [self._rim_strip(top) for top in range(0, self._shape[0], BLOCK)]
+        col, row, raw = np.concatenate(strips, axis=1)
+        lon, lat = self._places(col, row)
+        step = -(-len(col) // most) or 1
+        keep = np.argsort(cells.cell_at(lon, lat, cells.MAX_LEVEL), kind="stable")[::step]
+        lon, lat = lon[keep], lat[keep]
+        return lon, lat, raw[keep] + undulation_m(self.datum, lon, lat)
+
+    def _rim_strip(self, top: int) -> Floats:
+        """Find the rim in one strip of blocks: (3, n) columns, rows and elevations."""
+        height, width = self._shape
+        bottom = min(top + BLOCK, height)
+        posts = self._blocks.window(0, top - 1, bottom + 1, -1, width + 1)
         known = np.isfinite(posts)
-        padded = np.pad(known, 1)
-        shifts = [padded[r : r + height, c : c + width] for r in range(3) for c in range(3)]
-        row, col = np.nonzero(known & ~np.logical_and.reduce(shifts))
-        step = max(1, len(row) // most)
-        row, col = row[::step], col[::step]
-        places = self._places((col + 0.5) * 2**level - 0.5, (row + 0.5) * 2**level - 0.5)
-        height = posts[row, col] + undulation_m(self.datum, *places)
-        return *places, height
+        if not self.wraps:
+            known[:, [0, -1]] = False
+        if top == 0:
+            known[0] = self._polar[0]
+        if bottom == height:
+            known[-1] = self._polar[1]
+        rows, cols = bottom - top, width
+        shifts = [known[r : r + rows, c : c + cols] for r in range(3) for c in range(3)]
+        row, col = np.nonzero(known[1:-1, 1:-1] & ~np.logical_and.reduce(shifts))
+        return np.stack([col, row + top, posts[row + 1, col + 1]]).astype(np.float64)
 
     def _places(self, col: Floats, row: Floats) -> tuple[Floats, Floats]:
         """Invert `pixels`."""
@@ -162,14 +203,14 @@ class Layer:
             x, y = self._unproject(x, y)
         return np.radians(x), np.radians(y)
 
-    def post_heights(self, col: Floats, row: Floats) -> tuple[Floats, int, int] | None:
-        """Return heights of the posts around places, and the first column and row.
+    def own_surface(self, lon_rad: Floats, lat_rad: Floats) -> "OwnSurface | None":
+        """Return the posts around places, as the source's own triangles.
 
         Returns
         -------
-        (h, w) float64 m above the ellipsoid, left, top; or None where a needed post
-        holds no data or the places reach beyond the raster.
+        None where a needed post holds no data or the places reach beyond the raster.
         """
+        col, row = self.pixels(lon_rad, lat_rad)
         height, width = self._shape
         left, top = int(np.floor(col.min())), int(np.floor(row.min()))
         right, bottom = int(np.floor(col.max())) + 2, int(np.floor(row.max())) + 2
@@ -180,5 +221,25 @@ class Layer:
         if not np.isfinite(raw).all():
             return None
         cols, rows = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
-        places = self._places(cols.ravel().astype(float), rows.ravel().astype(float))
-        return raw + undulation_m(self.datum, *places).reshape(raw.shape), left, top
+        zero = self._zero(cols, rows)
+        between = self._zero(0.5 + cols[:-1, :-1], 0.5 + rows[:-1, :-1])
+        slack_m = float(np.abs((zero[:-1, :-1] + zero[1:, 1:]) / 2 - between).max())
+        at = np.stack([col - left, row - top], axis=1)
+        return OwnSurface(raw + zero, at, slack_m)
+
+    def _zero(self, col: NDArray[Any], row: NDArray[Any]) -> Floats:
+        """Return the height of the datum's zero surface at columns and rows."""
+        places = self._places(col.ravel().astype(float), row.ravel().astype(float))
+        return undulation_m(self.datum, *places).reshape(col.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnSurface:
+    """A part of a source's own triangulated surface."""
+
+    height_m: Floats
+    """(h, w) posts, m above the ellipsoid"""
+    at: Floats
+    """(n, 2) columns and rows of the places that were asked for"""
+    slack_m: float
+    """How far the datum's zero surface bends between posts"""

@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from ingest.datum import undulation_m
 from ingest.layer import Layer
-from tiles.frames import WGS84_A_M, Floats
-from tiles.kernels import kernel
+from tiles.frames import Floats
+from tiles.geodesy import to_ecef
+from tiles.kernels import summing
 
 RIM_POSTS = 4000
-RIM_SEARCH = 2_000_000
+"""A longer rim is thinned to this many posts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +34,11 @@ class Rim:
     """What bends the coarser surface around one finer source."""
 
     feather_m: float
-    lon_rad: Floats
-    """(n,) places on the rim"""
-    lat_rad: Floats
-    delta_m: Floats
+    middle: NDArray[np.float64]
+    """(3,) ECEF m"""
+    foot: NDArray[np.float32]
+    """(3, n) places on the rim around `middle`, ECEF axes, at height 0"""
+    delta_m: NDArray[np.float32]
     """(n,) finer minus coarser surface there"""
 
 
@@ -44,23 +46,37 @@ class Mosaic:
     """The terrain of a store as a function of longitude and latitude."""
 
     def __init__(
-        self, connection: sqlite3.Connection, sources: list[dict[str, Any]]
+        self,
+        connection: sqlite3.Connection,
+        sources: list[dict[str, Any]],
+        rims: "list[Rim | None] | None" = None,
     ) -> None:
         terrain = [Layer(connection, s) for s in sources if s["kind"] == "terrain"]
         self.layers = sorted(terrain, key=lambda layer: -layer.spacing_m)
         """coarsest first"""
-        self._rims: list[Rim | None] = []
-        for layer in self.layers:
-            self._rims.append(None if layer.wraps else self._rim_of(layer))
+        self.rims: list[Rim | None] = []
+        """of each layer; found once an ingest and handed to its workers"""
+        for layer in [] if rims else self.layers:
+            self.rims.append(self._rim_of(layer))
+        self.rims = rims or self.rims
 
     def heights(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> Floats:
-        """Return heights above the ellipsoid, (n,) float64; sea level where no source is."""
-        return self._fold(lon_rad, lat_rad, step_m, len(self._rims))
+        """Return heights above the ellipsoid, (n,) m; sea level where no source is."""
+        return self.heights_and_sea(lon_rad, lat_rad, step_m)[0]
 
-    def _fold(self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int) -> Floats:
-        surface = undulation_m("egm96", lon_rad, lat_rad)
-        for layer, rim in zip(self.layers[:count], self._rims[:count], strict=True):
-            own = layer.heights(lon_rad, lat_rad, step_m)
+    def heights_and_sea(
+        self, lon_rad: Floats, lat_rad: Floats, step_m: float
+    ) -> tuple[Floats, Floats]:
+        """Return heights above the ellipsoid, and those of sea level (EGM96) there."""
+        sea = undulation_m("egm96", lon_rad, lat_rad)
+        return self._fold(lon_rad, lat_rad, step_m, len(self.rims), sea), sea
+
+    def _fold(
+        self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int, sea: Floats
+    ) -> Floats:
+        surface = sea.copy()
+        for layer, rim in zip(self.layers[:count], self.rims[:count], strict=True):
+            own = layer.heights(lon_rad, lat_rad, step_m, sea)
             outside = np.isnan(own)
             if rim:
                 near = layer.near(lon_rad, lat_rad, rim.feather_m)
@@ -79,52 +95,70 @@ class Mosaic:
 
     def reach_m(self, layer: Layer) -> float:
         """Return how far outside its own posts a source changes the surface."""
-        rim = self._rims[self.layers.index(layer)]
+        rim = self.rims[self.layers.index(layer)]
         return rim.feather_m if rim else 0.0
 
     def _rim_of(self, layer: Layer) -> Rim | None:
-        """Find the posts next to no data or to the raster's edge, and the difference there."""
-        count = len(self._rims)
-        lon, lat, fine = layer.rim(RIM_SEARCH, RIM_POSTS)
+        """Find the posts beside no data or the raster's edge, and the difference there."""
+        count = len(self.rims)
+        lon, lat, fine = layer.rim(RIM_POSTS)
         if not len(lon):
             return None
-        coarse = self._fold(lon, lat, layer.spacing_m, count)
+        sea = undulation_m("egm96", lon, lat)
+        coarse = self._fold(lon, lat, layer.spacing_m, count, sea)
         coarser = [c.spacing_m for c in self.layers[:count] if c.near(lon, lat).any()]
         feather_m = min(coarser) if coarser else 10 * layer.spacing_m
-        return Rim(feather_m, lon, lat, fine - coarse)
+        foot = to_ecef(lon, lat, 0.0)
+        middle = foot.mean(axis=0)
+        near = np.ascontiguousarray((foot - middle).T, np.float32)
+        return Rim(feather_m, middle, near, (fine - coarse).astype(np.float32))
 
 
 def bend(rim: Rim, lon_rad: Floats, lat_rad: Floats) -> Floats:
     """Return what the delta surface adds to the coarser surface, (n,) m."""
-    if not len(lon_rad):
-        return np.zeros(0)
-    lat0 = float(rim.lat_rad.mean())
-    scale = np.array([WGS84_A_M * np.cos(lat0), WGS84_A_M])
-    lon0 = float(rim.lon_rad[0])
-    turn = 2 * np.pi
-
-    def plane(lon: Floats, lat: Floats) -> NDArray[np.float64]:
-        east = (lon - lon0 + np.pi) % turn - np.pi
-        return np.ascontiguousarray(np.stack([east, lat - lat0], axis=1) * scale)
-
-    rim_xy, xy = plane(rim.lon_rad, rim.lat_rad), plane(lon_rad, lat_rad)
-    return _weighted(rim_xy, rim.delta_m, xy, rim.feather_m)
+    out = np.zeros(len(lon_rad), np.float32)
+    places = (to_ecef(lon_rad, lat_rad, 0.0) - rim.middle).astype(np.float32)
+    _weighted(rim.foot, rim.delta_m, places, np.float32(rim.feather_m), out)
+    return out.astype(np.float64)
 
 
-@kernel
-def _weighted(rim: Floats, delta: Floats, places: Floats, feather_m: float) -> Floats:
+@summing
+def _weighted(
+    rim: NDArray[np.float32],
+    delta: NDArray[np.float32],
+    places: NDArray[np.float32],
+    feather_m: np.float32,
+    out: NDArray[np.float32],
+) -> None:
     """Inverse-cube-distance mean of the rim's deltas, faded by a smooth step."""
-    out = np.zeros(len(places))
+    one, tiny = np.float32(1.0), np.float32(1e-6)
     for i in range(len(places)):
-        total, weights, nearest = 0.0, 0.0, np.inf
-        for j in range(len(rim)):
-            dx, dy = places[i, 0] - rim[j, 0], places[i, 1] - rim[j, 1]
-            squared = dx * dx + dy * dy + 1e-6
-            weight = 1.0 / (squared * np.sqrt(squared))
+        x, y, z = places[i, 0], places[i, 1], places[i, 2]
+        nearest = _nearest(rim, x, y, z)
+        t = np.sqrt(nearest) / feather_m
+        if t >= one:
+            continue
+        total, weights = np.float32(0.0), np.float32(0.0)
+        for j in range(len(delta)):
+            dx, dy, dz = x - rim[0, j], y - rim[1, j], z - rim[2, j]
+            ratio = (nearest + tiny) / (dx * dx + dy * dy + dz * dz + tiny)
+            weight = ratio * np.sqrt(ratio)
             total += weight * delta[j]
             weights += weight
-            nearest = min(nearest, squared)
-        t = np.sqrt(nearest) / feather_m
-        if t < 1.0:
-            out[i] = total / weights * (1.0 - t * t * (3.0 - 2.0 * t))
-    return out
+        out[i] = total / weights * (1.0 - t * t * (3.0 - 2.0 * t))
+
+
+@summing
+def _nearest(
+    rim: NDArray[np.float32], x: np.float32, y: np.float32, z: np.float32
+) -> np.float32:
+    """Squared distance to the nearest post; four chains, as a lone minimum is slow."""
+    a = b = c = d = np.float32(1e30)
+    count = rim.shape[1]
+    for j in range(0, count, 4):
+        k, m, n = min(j + 1, count - 1), min(j + 2, count - 1), min(j + 3, count - 1)
+        a = min(a, (x - rim[0, j]) ** 2 + (y - rim[1, j]) ** 2 + (z - rim[2, j]) ** 2)
+        b = min(b, (x - rim[0, k]) ** 2 + (y - rim[1, k]) ** 2 + (z - rim[2, k]) ** 2)
+        c = min(c, (x - rim[0, m]) ** 2 + (y - rim[1, m]) ** 2 + (z - rim[2, m]) ** 2)
+        d = min(d, (x - rim[0, n]) ** 2 + (y - rim[1, n]) ** 2 + (z - rim[2, n]) ** 2)
+    return min(a, b, c, d)

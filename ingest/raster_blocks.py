@@ -21,7 +21,7 @@ BLOCK = 256
 CACHE_BLOCKS = 1024
 LOWEST_M, HIGHEST_M = -12000.0, 9500.0
 """Elevations beyond these are no data, whatever the file says."""
-CHECKED = {zstd.CompressionParameter.checksum_flag: 1}
+CHECKED = {int(zstd.CompressionParameter.checksum_flag): 1}
 Progress = Callable[[int, int, str], None]
 
 
@@ -75,7 +75,7 @@ def copy_in(
 
 
 def _picture(dataset: rasterio.DatasetReader, window: Window) -> NDArray[np.generic]:
-    return np.moveaxis(dataset.read([1, 2, 3], window=window), 0, -1)
+    return np.asarray(np.moveaxis(dataset.read([1, 2, 3], window=window), 0, -1))
 
 
 def _posts(

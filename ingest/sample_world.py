@@ -30,10 +30,18 @@ def samples(names: tuple[str, ...]) -> list[Path]:
     return paths
 
 
-def ingest_earth(store: Path, progress: Progress) -> dict[str, Any]:
-    """Start a new store: the whole earth at 10 minutes of arc, and its picture."""
+def earth_files() -> list[tuple[Path, RasterOptions]]:
+    """Return what a new store starts from: the whole earth at 10', and its picture.
+
+    Raises
+    ------
+    InputError
+        When a sample file is missing.
+    """
     earth, picture = samples((EARTH, PICTURE))
-    heights = RasterOptions(kind="terrain", datum="egm96")
-    return ingest_rasters(
-        store, [(earth, heights), (picture, RasterOptions("imagery"))], progress
-    )
+    return [(earth, RasterOptions(datum="egm96")), (picture, RasterOptions("imagery"))]
+
+
+def ingest_earth(store: Path, progress: Progress) -> dict[str, Any]:
+    """Start a new store."""
+    return ingest_rasters(store, earth_files(), progress)

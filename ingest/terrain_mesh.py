@@ -26,7 +26,7 @@ class Lattice:
 
 
 def lattice_places(cell: int, side: int, margin: int = 0) -> tuple[Floats, Floats]:
-    """Return longitudes and latitudes, (side + 1 + 2 margin) squared, rad, clamped at poles."""
+    """Return longitudes and latitudes, (side + 1 + 2 margin) squared, clamped at poles."""
     west, south, east, north = cells.bounds_rad(cell)
     steps = np.arange(-margin, side + 1 + margin) / side
     lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
@@ -75,7 +75,7 @@ def build_surface(lattice: Lattice, sea: NDArray[np.bool_], bound_m: float) -> S
     skirt, skirt_triangles = _skirt(vertices, border)
     indices = np.concatenate([triangles, skirt_triangles]).astype("<u2").ravel()
     mesh = Mesh(Ecef(centre), scale_m, np.concatenate([vertices, skirt]), indices)
-    return Surface(mesh, triangles, uv, steps * scale_m)
+    return Surface(mesh, triangles, uv, mesh.local[: len(used)])
 
 
 def _skirt(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.boxes import Box, overlap, touches
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_tile import (
@@ -32,8 +33,6 @@ from tiles.terrain import TEXTURE_SIDE, encode
 
 MAX_LEVEL = 20
 PROBE = 17
-Box = tuple[float, float, float, float]
-"""west, south, east, north, degrees"""
 
 
 @dataclass(slots=True)
@@ -113,10 +112,8 @@ class ZoneBuilder:
 
     def _leaves(self, cell: int) -> float:
         """Estimate the leaves under a cell from the areas and spacings of the sources."""
-        edge_m, (west, south, east, north) = (
-            geodesy.cell_edge_m(cell),
-            cells.bounds_rad(cell),
-        )
+        edge_m = float(geodesy.cell_edge_m(cell))
+        west, south, east, north = cells.bounds_rad(cell)
         count = 0.0
         for layer in [*self._mosaic.layers, *self._pictures]:
             common = overlap(cell, layer.bounds_deg)
@@ -152,7 +149,7 @@ class ZoneBuilder:
         yield self._finish(node)
 
     def _adopt(self, part: Part) -> None:
-        """Take over what a subtree that was made apart says about itself and its ancestors."""
+        """Take over what a subtree made apart says about itself and its ancestors."""
         self._path[-1].children.append(
             Node(part.cell, None, part.error_m, part.low_m, part.high_m)
         )
@@ -162,6 +159,7 @@ class ZoneBuilder:
     def _leaf(self, node: Node, *, keep: bool) -> None:
         if keep:
             lattice = leaf_lattice(self._mosaic, node.cell)
+            node.error_m = float(self._old[node.cell]["error_m"])
         else:
             bound_m = self._leaf_bound_m(node.cell)
             node.painted = paint(self._mosaic, self._pictures, node.cell, bound_m)
@@ -187,6 +185,9 @@ class ZoneBuilder:
             record = self._old[node.cell].reshape(1).copy()
             node.error_m = float(record["error_m"][0])
             return Made(record, None)
+        own = node.painted.lattice.height_m
+        node.low_m = min(node.low_m, float(own.min()))
+        node.high_m = max(node.high_m, float(own.max()))
         tile = tile_of(node.cell, node.painted, node.error_m, leaf=not node.children)
         body = encode(tile)
         record = np.zeros(1, INDEX)
@@ -212,7 +213,7 @@ class ZoneBuilder:
         return any(has_posts(layer, cell) for layer in finer)
 
     def _leaf_bound_m(self, cell: int) -> float:
-        """A hundredth of the source's post spacing, but not below half its own step.
+        """Return a hundredth of the source's post spacing, or half its own step.
 
         A small leaf beside a finer source follows the bend of the surface as closely
         as an inner cell of its size would.
@@ -222,23 +223,6 @@ class ZoneBuilder:
         if not held:
             return inner_m
         return min(inner_m, max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2))
-
-
-def touches(cell: int, boxes: list[Box]) -> bool:
-    """Say whether a cell meets any of the boxes."""
-    return any(overlap(cell, box) is not None for box in boxes)
-
-
-def overlap(cell: int, box: Box) -> Box | None:
-    """Return the common part of a cell and a box, radians, or None."""
-    west, south, east, north = cells.bounds_rad(cell)
-    left, low, right, high = np.radians(box)
-    for turn in (-2 * np.pi, 0.0, 2 * np.pi):
-        w, e = max(west, left + turn), min(east, right + turn)
-        s, n = max(south, low), min(north, high)
-        if w < e and s < n:
-            return float(w), float(s), float(e), float(n)
-    return None
 
 
 def has_posts(layer: Layer, cell: int) -> bool:

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ingest.datum import undulation_m
+from ingest.boxes import grown, overlap
 from ingest.deviation import deviation_m, overlay_deviation_m
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.surface_texture import colours
 from ingest.terrain_mesh import Lattice, Surface, build_surface, lattice_of, lattice_places
 from tiles import cells, geodesy
-from tiles.frames import Ecef, Floats
+from tiles.frames import Ecef
 from tiles.terrain import TEXTURE_SIDE, TerrainTile
 
 from . import bc1
@@ -61,8 +61,8 @@ def paint(
     side = INNER_SIDE if leaf_bound_m is None else LEAF_SIDE
     edge_m = float(geodesy.cell_edge_m(cell))
     lon, lat = lattice_places(cell, side, margin=1)
-    heights = mosaic.heights(lon.ravel(), lat.ravel(), edge_m / side).reshape(lon.shape)
-    zero = undulation_m("egm96", lon.ravel(), lat.ravel()).reshape(lon.shape)
+    found, sea = mosaic.heights_and_sea(lon.ravel(), lat.ravel(), edge_m / side)
+    heights, zero = found.reshape(lon.shape), sea.reshape(lon.shape)
     inner = (slice(1, -1), slice(1, -1))
     lattice = lattice_of(cell, lon[inner], lat[inner], heights[inner])
     inner_m = min(edge_m / TEXTURE_SIDE, LARGEST_BOUND_M)
@@ -73,10 +73,10 @@ def paint(
 
 
 def leaf_error_m(mosaic: Mosaic, cell: int, surface: Surface) -> float:
-    """Measure a leaf against its source's own triangles, or the mosaic where several meet."""
+    """Measure a leaf against its source's own triangles; where several meet, the mosaic."""
     west, south, east, north = cells.bounds_rad(cell)
     lon_lat = np.array([west, south]) + surface.uv * np.array([east - west, north - south])
-    winner = _only_source(mosaic, lon_lat)
+    winner = _finest_source(mosaic, cell)
     measured = overlay_deviation_m(surface, winner, lon_lat) if winner else None
     if measured is not None:
         return measured
@@ -86,13 +86,11 @@ def leaf_error_m(mosaic: Mosaic, cell: int, surface: Surface) -> float:
     return CHECK_MARGIN * deviation_m(surface, (0.0, 0.0, 1.0), truth)
 
 
-def _only_source(mosaic: Mosaic, lon_lat: Floats) -> Layer | None:
-    """Return the source that alone decides about a cell, if there is one."""
-    lon, lat = lon_lat.T
+def _finest_source(mosaic: Mosaic, cell: int) -> Layer | None:
+    """Return the finest source that changes the surface in a cell, if there is one."""
     for layer in reversed(mosaic.layers):
-        near = layer.near(lon, lat, mosaic.reach_m(layer))
-        if near.any():
-            return layer if near.all() else None
+        if overlap(cell, grown(layer.bounds_deg, mosaic.reach_m(layer))):
+            return layer
     return None
 
 

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Verify a store: every tile's bytes, and what must hold between index, tiles, objects."""
 
+import json
+import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 
 import numpy as np
 
 from tiles import cells, objects, terrain, zones
+from tiles.codec import zstd
 from tiles.errors import TileFault
 from tiles.forest import Forest, build_forest
 from tiles.index_tree import is_monotone
@@ -22,13 +25,16 @@ def faults_of(store: Store, progress: Progress = lambda done, total: None) -> It
     for lane in Lane:
         try:
             forest = build_forest(store.index(lane))
-        except TileFault as fault:
-            yield str(fault)
+        except (TileFault, sqlite3.DatabaseError) as fault:
+            yield f"{lane.name} index: {fault}"
             continue
         yield from _shape_faults(lane, forest)
         yield from _tile_faults(store, lane, forest, seen, progress)
-    yield from _object_faults(store, seen)
-    yield from _file_faults(store)
+    for test in (_object_faults(store, seen), _source_faults(store), _file_faults(store)):
+        try:
+            yield from test
+        except sqlite3.DatabaseError as error:
+            yield f"file: {error}"
 
 
 def _shape_faults(lane: Lane, forest: Forest) -> Iterator[str]:
@@ -82,6 +88,24 @@ def _object_faults(store: Store, seen: list[int]) -> Iterator[str]:
         yield f"object {twice} is in several tiles"
     for unknown in sorted(set(seen) - set(stored)):
         yield f"object {unknown} is in a tile but not in the object table"
+
+
+def _source_faults(store: Store) -> Iterator[str]:
+    """Look at the copies of the sources, from which terrain is made again."""
+    rows = store.connection.execute(
+        "SELECT source, level, row, col, body FROM raster_block"
+    )
+    with closing(rows):
+        for source, level, row, col, body in rows:
+            try:
+                zstd.decompress(body)
+            except (zstd.ZstdError, TypeError) as error:
+                yield f"copy of {source}, level {level}, block {row} {col}: {error}"
+    for name, details in store.connection.execute("SELECT name, details FROM source"):
+        try:
+            json.loads(details)
+        except ValueError:
+            yield f"source {name}: unreadable details"
 
 
 def _file_faults(store: Store) -> Iterator[str]:

@@ -21,6 +21,8 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
+__all__ = ["HEADER", "MAGIC", "VERSION", "checksum", "header_of", "pack", "unpack", "zstd"]
+
 VERSION = 1
 MAGIC = b"GPT1"
 HEADER = np.dtype(
@@ -72,7 +74,7 @@ def unpack(lane: Lane, body: bytes) -> tuple[np.void, Mesh, memoryview]:
     try:
         raw = zstd.decompress(body)
         head = np.frombuffer(raw, HEADER, 1)[0]
-    except (zstd.ZstdError, ValueError) as error:
+    except (zstd.ZstdError, ValueError, MemoryError) as error:
         raise TileFault(lane.name, "?", f"unreadable body ({error})") from error
     if head["magic"] != MAGIC or head["version"] != VERSION or head["lane"] != lane:
         raise TileFault(lane.name, "?", "not a tile of this lane and version")

@@ -18,7 +18,7 @@ class InputError(Exception):
         super().__init__(f"{subject}: {reason}; {advice}")
 
 
-class TileFault(Exception):
+class TileFault(Exception):  # noqa: N818 - the word of the documents; an error is the user's
     """A tile whose bytes are not what was written: never drawn, always reported."""
 
     def __init__(self, lane: str, cell: str, reason: str) -> None:

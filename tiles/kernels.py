@@ -14,6 +14,18 @@ def kernel(function: F) -> F:
     return cast("F", numba.njit(nogil=True, cache=True)(function))
 
 
+def summing(function: F) -> F:
+    """Compile a kernel whose sums may be reordered, so that they use vector instructions.
+
+    Its arguments must hold no NaN.
+    """
+    loose = {"reassoc", "contract", "arcp", "nsz", "nnan"}
+    return cast(
+        "F",
+        numba.njit(nogil=True, cache=True, fastmath=loose, error_model="numpy")(function),
+    )
+
+
 def inlined(function: F) -> F:
     """Compile a small helper that is inlined into the kernels that call it."""
     return cast("F", numba.njit(nogil=True, cache=True, inline="always")(function))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.codec import header_of, pack, unpack
+from tiles.errors import TileFault
 from tiles.lanes import Lane
 from tiles.mesh import Mesh
 
@@ -61,12 +62,14 @@ def decode(body: bytes) -> ObjectTile:
     """Return the tile of a stored body, as views on the decompressed bytes."""
     head, mesh, tail = unpack(Lane.OBJECTS, body)
     n, p = int(head["object_count"]), int(head["proxy_count"])
+    if len(tail) != n * OBJECT.itemsize + p * PROXY.itemsize:
+        raise TileFault("OBJECTS", str(int(head["cell"])), "its tables have another length")
     objects = np.frombuffer(tail, OBJECT, n)
     proxies = np.frombuffer(tail, PROXY, p, n * OBJECT.itemsize)
     return ObjectTile(int(head["cell"]), mesh, objects, proxies)
 
 
 def prefix_end(objects: NDArray[np.void], dimension_m: float) -> int:
-    """Number of indices that draw every own object larger than `dimension_m`."""
+    """Return the number of indices that draw every own object larger than `dimension_m`."""
     count = int(np.searchsorted(-objects["dimension_m"], -dimension_m, side="left"))
     return int(objects["index_end"][count - 1]) if count else 0

@@ -6,6 +6,7 @@ while an ingest swaps index blocks. Thread: each thread opens its own `Store`.
 """
 
 import json
+import os
 import sqlite3
 import struct
 from pathlib import Path
@@ -23,7 +24,9 @@ from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.schema import APPLICATION_ID, FORMAT_VERSION
 
-Record = np.void
+HEAD_BYTES = 100
+LARGEST_PAGE = 65536
+"""SQLite writes it as 1."""
 
 
 class Store:
@@ -32,7 +35,10 @@ class Store:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         require_store(self.path)
-        uri = f"file:{quote(str(self.path.absolute()))}?mode=ro"
+        # Where nothing can be written, SQLite can't share the file, nor need it.
+        alone = not os.access(self.path.parent, os.W_OK) and not wal_bytes(self.path)
+        mode = "immutable=1" if alone else "mode=ro"
+        uri = f"file:{quote(str(self.path.absolute()))}?{mode}"
         self.connection = sqlite3.connect(uri, uri=True, isolation_level=None)
 
     def index(self, lane: Lane) -> NDArray[np.void]:
@@ -140,17 +146,29 @@ def require_store(path: Path) -> None:
     InputError
     """
     if not path.is_file():
-        raise InputError(path, "no such store", "make one with `geopage ingest terrain`")
-    with path.open("rb") as file:
-        head = file.read(100)
-    if len(head) < 100 or not head.startswith(b"SQLite format 3\0"):
+        reason = "is a folder" if path.is_dir() else "no such store"
+        raise InputError(path, reason, "make a store with `geopage ingest terrain`")
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError as error:
+        reason = f"can't be read ({error.strerror})"
+        raise InputError(path, reason, "check its permissions") from error
+    if len(head) < HEAD_BYTES or not head.startswith(b"SQLite format 3\0"):
         raise InputError(path, "not a geopage store", "name a .geopage file")
     page = struct.unpack(">H", head[16:18])[0]
-    page = 65536 if page == 1 else page
+    page = LARGEST_PAGE if page == 1 else page
     pages, version, application = struct.unpack(">I28xI4xI", head[28:72])
     if application != APPLICATION_ID:
         raise InputError(path, "not a geopage store", "name a .geopage file")
     if version > FORMAT_VERSION:
         raise InputError(path, f"store version {version} is newer", "update geopage")
-    if path.stat().st_size < pages * page:
+    # After a crash the missing pages may still be in the write-ahead log.
+    if path.stat().st_size < pages * page and not wal_bytes(path):
         raise InputError(path, "truncated store", "copy it again or ingest again")
+
+
+def wal_bytes(path: Path) -> int:
+    """Return the size of a store's write-ahead log, 0 where there is none."""
+    log = Path(f"{path}-wal")
+    return log.stat().st_size if log.exists() else 0

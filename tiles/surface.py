@@ -33,13 +33,13 @@ class Surface:
         self._cache: OrderedDict[int, TerrainTile] = OrderedDict()
 
     def rows(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.int64]:
-        """Return the forest row of the leaf at each place; -1 in a store without terrain."""
+        """Return the forest row of the leaf at each place, -1 where there is no terrain."""
         if not len(self._leaves):
             return np.full(np.shape(lon_rad), -1)
         point = cells.cell_at(lon_rad, lat_rad, cells.MAX_LEVEL)
-        return np.asarray(
-            self._leaves[np.searchsorted(self._first, point, side="right") - 1]
-        )
+        leaf = self._leaves[np.searchsorted(self._first, point, side="right") - 1]
+        there = cells.contains(self.forest.records["cell"][leaf], point)
+        return np.where(there, leaf, -1)
 
     def heights(self, lon_rad: Floats, lat_rad: Floats) -> tuple[Floats, Floats]:
         """Return heights above the ellipsoid and the tiles' measured errors, m.
@@ -85,7 +85,7 @@ class Surface:
 
 
 def heights_on(tile: TerrainTile, u: Floats, v: Floats) -> Floats:
-    """Interpolate a tile's triangles at fractions of its cell, (n,) m above the ellipsoid."""
+    """Interpolate a tile at fractions of its cell; (n,) m above the ellipsoid."""
     triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
     detail = tile.mesh.vertices["detail"].astype(np.float64) / UV_ONE
     points = _interpolate(triangles, detail, tile.mesh.local, np.stack([u, v], axis=-1))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.codec import header_of, pack, unpack
+from tiles.errors import TileFault
 from tiles.lanes import Lane
 from tiles.mesh import Mesh
 
@@ -46,6 +47,8 @@ def encode(tile: TerrainTile) -> bytes:
 def decode(body: bytes) -> TerrainTile:
     """Return the tile of a stored body, as views on the decompressed bytes."""
     head, mesh, tail = unpack(Lane.TERRAIN, body)
+    if len(tail) != TEXTURE_BYTES or head["surface_index_count"] > head["index_count"]:
+        raise TileFault("TERRAIN", str(int(head["cell"])), "its parts have another length")
     return TerrainTile(
         int(head["cell"]),
         mesh,

@@ -105,17 +105,15 @@ class Writer(Store):
     def replace_sources(self, sources: Iterable[Mapping[str, Any]]) -> None:
         """Make these the store's sources; drop blocks and objects of all others."""
         wanted = {str(source["name"]): source for source in sources}
-        for source in self.sources():
-            if source["name"] not in wanted:
-                self.drop_source(source["name"])
+        for held in self.sources():
+            if held["name"] not in wanted:
+                self.drop_source(held["name"])
         for name, source in wanted.items():
             details = {key: source[key] for key in source if key not in {"name", "kind"}}
             self.put_source(name, source["kind"], details)
         keys = {str(source["blocks"]) for source in wanted.values() if "blocks" in source}
-        held = self.connection.execute(
-            "SELECT DISTINCT source FROM raster_block"
-        ).fetchall()
-        for (key,) in held:
+        ask = "SELECT DISTINCT source FROM raster_block"
+        for (key,) in self.connection.execute(ask).fetchall():
             if key not in keys:
                 self.connection.execute("DELETE FROM raster_block WHERE source=?", (key,))
 

@@ -38,6 +38,7 @@ BLEND, CULL_FACE, DEPTH_TEST = 0x0BE2, 0x0B44, 0x0B71
 TRIANGLES, UNSIGNED_BYTE, UNSIGNED_SHORT, INT, FLOAT = 4, 0x1401, 0x1403, 0x1404, 0x1406
 GEQUAL, GREATER = 0x0206, 0x0204
 COLOR, DEPTH, COLOR_BIT, DEPTH_BIT = 0x1800, 0x1801, 0x4000, 0x0100
+DEPTH_COMPONENT = 0x1902
 RGB, RGBA, RED, RED_INTEGER = 0x1907, 0x1908, 0x1903, 0x8D94
 RGBA8, RGBA32F, R32I, R8, DEPTH_32F = 0x8058, 0x8814, 0x8235, 0x8229, 0x8CAC
 BC1 = 0x83F0  # GL_COMPRESSED_RGB_S3TC_DXT1_EXT
@@ -53,10 +54,10 @@ LOWER_LEFT, ZERO_TO_ONE = 0x8CA1, 0x935F
 VERSION, DYNAMIC_DRAW = 0x1F02, 0x88E8
 
 
-def _call_row(typing_context: Any, row: Any) -> Any:  # noqa: ARG001, ANN401
+def _call_row(typing_context: Any, row: Any) -> Any:  # noqa: ARG001
     """Call the function whose address and arguments lie at an address."""
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:  # noqa: ANN401, ARG001
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:  # noqa: ARG001
         word = ir.IntType(64)
         base = builder.inttoptr(values[0], word.as_pointer())
         words = [

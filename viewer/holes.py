@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geopage.draw_list import DrawList
 from geopage.screen_error import lens_of
@@ -12,7 +13,6 @@ from geopage.view import ViewState
 from tiles.forest import Forest
 from tiles.frames import WGS84_A_M, WGS84_B_M, Floats
 from tiles.lanes import Lane
-from viewer.camera import pixel_rays
 from viewer.renderer import Renderer
 
 CHILDREN = np.arange(4)
@@ -24,8 +24,22 @@ def hole_pixels(renderer: Renderer, view: ViewState, lowest_m: float) -> int:
     A pixel is a hole when its ray (float64) meets the ellipsoid lowered to `lowest_m`,
     the store's least height, and no tile or object was drawn there.
     """
-    empty = renderer.read_empty()
-    return int(meets_ellipsoid(view, pixel_rays(view)[empty], lowest_m).sum())
+    rays = rays_of(view, np.argwhere(renderer.read_empty()))
+    return int(meets_ellipsoid(view, rays, lowest_m).sum())
+
+
+def rays_of(view: ViewState, pixels: NDArray[np.int64]) -> Floats:
+    """Return unit directions through pixel centres, (n, 3) ECEF axes.
+
+    Parameters
+    ----------
+    pixels : (n, 2) row from the top and column
+    """
+    x = (pixels[:, 1] + 0.5 - view.width_px / 2) / view.focal_px
+    y = (view.height_px / 2 - pixels[:, 0] - 0.5) / view.focal_px
+    camera = np.stack([x, y, -np.ones_like(x)], axis=-1)
+    camera /= np.linalg.norm(camera, axis=-1, keepdims=True)
+    return np.asarray(camera @ view.rotation)
 
 
 def meets_ellipsoid(view: ViewState, rays: Floats, height_m: float) -> Floats:

@@ -34,7 +34,7 @@ PLAIN = Look(night_light=1.0, haze=0.0, grain=0.0, light=1.0)
 """Terrain textures come out as they are."""
 
 
-def frame_block(view: ViewState, look: Look, supersample: int = 1) -> NDArray[np.float32]:
+def frame_block(view: ViewState, look: Look, supersample: float = 1) -> NDArray[np.float32]:
     """Return the frame block of `frame.glsl`, (32,) float32."""
     lon, lat, height_m = geodesy.to_geodetic(view.eye)
     axes: Floats = geodesy.enu_axes(lon, lat)

@@ -73,7 +73,7 @@ class Renderer:
         self.arena = Arena(self.gl, forests, arena or ArenaSize())
         drawn = size_px[0] * supersample, size_px[1] * supersample
         self._target = Target(self.gl, drawn, (gl.RGBA8,))
-        self._probe: Target | None = None
+        self._probes: dict[int, Target] = {}
         self._lanes = {
             lane: passes.LanePass(self.gl, self.arena, lane, FIRST_DRAWS) for lane in Lane
         }
@@ -83,7 +83,7 @@ class Renderer:
         self._block_buffer = self.gl.context.buffer(reserve=self._block.nbytes)
         self._build()
         self._drawn: tuple[ViewState, dict[Lane, int]] | None = None
-        self._probed = False
+        self._probed: set[int] = set()
         self.gl.check("making the renderer")
 
     def _build(self) -> None:
@@ -135,7 +135,7 @@ class Renderer:
             passes.set_draws(self._table, self._uploads[lane], self._draws[lane], count)
         gil_ns = self._table.run()
         stamps = self._table.stamps_ns
-        self._drawn, self._probed = (view, counts), False
+        self._drawn, self._probed = (view, counts), set()
         entries = (
             self._lanes[Lane.TERRAIN].room.instances[: terrain[0], 12].astype(np.int64)
         )
@@ -198,17 +198,23 @@ class Renderer:
         boxes = picture.reshape(height, n, width, n, 3).astype(np.uint16)
         return np.asarray((boxes.sum((1, 3)) + n * n // 2) // (n * n), np.uint8)
 
+    def read_empty(self) -> NDArray[np.bool_]:
+        """Say which pixels of the last frame no tile and no object covers, (h, w).
+
+        Read from the frame's own depth; the backs of triangles cover nothing.
+        """
+        n, (width, height) = self._supersample, self.size_px
+        whole = np.empty((height * n, width * n), np.float32)
+        depth = self._target.read(0, (gl.DEPTH_COMPONENT, gl.FLOAT), whole)
+        return np.asarray(depth.reshape(height, n, width, n).max((1, 3)) == 0.0)
+
     def read_ids(self) -> NDArray[np.int32]:
         """Return what each pixel of the last frame shows, (height, width) int32.
 
         0 is none (sky); 1 + i is entry i of the list's `terrain`; -1 - (i * 65536 + k)
         is object k of the tile in entry i of `objects`, with k = 65535 for proxies.
         """
-        probe = self._probe_last()
-        whole = np.empty(self.size_px[::-1], np.int32)
-        return np.ascontiguousarray(
-            probe.read(1, (gl.RED_INTEGER, gl.INT), whole), np.int32
-        )
+        return self._ids(self._probe_last())
 
     def read_positions(self) -> Ecef:
         """Return the points that the last frame drew.
@@ -217,42 +223,67 @@ class Renderer:
         -------
         points : (height, width, 3) float64 ECEF m, NaN where sky
         """
-        probe = self._probe_last()
+        seen = self._seen(self._probe_last())
         assert self._drawn
-        whole = np.empty((*self.size_px[::-1], 4), np.float32)
-        seen = probe.read(0, (gl.RGBA, gl.FLOAT), whole).astype(np.float64)
         points: Floats = seen[..., :3] + self._drawn[0].eye
         points[seen[..., 3] == 0.0] = np.nan
         return Ecef(points)
 
+    def read_coarse(self, divide: int) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """Return ids and distances of the last frame at a fraction of its size.
+
+        Returns
+        -------
+        ids : (height // divide, width // divide) int32, as `read_ids`
+        distance_m : of the same shape, from the eye; infinite where sky
+        """
+        probe = self._probe_last(divide)
+        seen = self._seen(probe)
+        distance_m = np.linalg.norm(seen[..., :3], axis=-1)
+        distance_m[seen[..., 3] == 0.0] = np.inf
+        return self._ids(probe), distance_m.astype(np.float32)
+
+    @staticmethod
+    def _ids(probe: Target) -> NDArray[np.int32]:
+        whole = np.empty((probe.height_px, probe.width_px), np.int32)
+        return np.ascontiguousarray(
+            probe.read(1, (gl.RED_INTEGER, gl.INT), whole), np.int32
+        )
+
+    @staticmethod
+    def _seen(probe: Target) -> Floats:
+        whole = np.empty((probe.height_px, probe.width_px, 4), np.float32)
+        return probe.read(0, (gl.RGBA, gl.FLOAT), whole).astype(np.float64)
+
     def release(self) -> None:
         """Free the GPU's memory; the renderer can't be used afterwards."""
         self.gl.guard()
-        for target in (self._target, self._probe):
-            if target:
-                target.release()
+        for target in (self._target, *self._probes.values()):
+            target.release()
         self.arena.release()
         for lane in self._lanes.values():
             lane.release()
         self._sky.release()
         self._block_buffer.release()
 
-    def _probe_last(self) -> Target:
-        """Draw positions and ids of the last frame, once."""
+    def _probe_last(self, divide: int = 1) -> Target:
+        """Draw positions and ids of the last frame, once for each size."""
         if self._drawn is None:
             raise RuntimeError("nothing was drawn yet")
-        if self._probe is None:
-            self._probe = Target(self.gl, self.size_px, (gl.RGBA32F, gl.R32I))
-        if self._probed:
-            return self._probe
-        self._block[:] = frame_block(self._drawn[0], self.look)
+        if divide not in self._probes:
+            size = self.size_px[0] // divide, self.size_px[1] // divide
+            self._probes[divide] = Target(self.gl, size, (gl.RGBA32F, gl.R32I))
+        probe = self._probes[divide]
+        if divide in self._probed:
+            return probe
+        self._block[:] = frame_block(self._drawn[0], self.look, 1 / divide)
         table = CallTable(self.gl)
         self._share(table)
-        self._probe.begin(table)
+        probe.begin(table)
         for lane, count in self._drawn[1].items():
             draw = self._lanes[lane].add_draw(table, self._lanes[lane].probe_program)
             passes.set_draws(table, None, draw, count)
         table.add("glFinish")
         table.run()
-        self._probed = True
-        return self._probe
+        self._probed.add(divide)
+        return probe

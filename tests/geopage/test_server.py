@@ -19,10 +19,12 @@ LANE = Lane.OBJECTS
 class StubSource:
     """Bodies that are made up, after a stated time, with something to do while reading."""
 
+    meanwhile: Callable[[], object]
+
     def __init__(self, delay_s: float = 0.0) -> None:
         self.delay_s = delay_s
         self.read_rows: list[int] = []
-        self.meanwhile: Callable[[], object] = lambda: None
+        self.meanwhile = lambda: None
 
     def ready_s(self, record: np.void, now_s: float) -> float:
         assert record["row"] > 0

@@ -4,7 +4,7 @@ flat out int code;
 void main() {
     seen = seen_from_eye();
 #ifdef TERRAIN
-    seen -= draw_up.xyz * (draw_up.w * float(flags & 1));
+    seen += hem();
     code = 1 + int(draw_entry.x);
 #else
     code = -1 - (int(draw_entry.x) * 65536 + int(detail.y));

@@ -4,7 +4,7 @@ out float sea;
 flat out vec4 draw;
 
 void main() {
-    seen = seen_from_eye() - draw_up.xyz * (draw_up.w * float(flags & 1));
+    seen = seen_from_eye() + hem();
     place = vec2(detail) / 32768.0;
     sea = float(flags >> 1 & 1);
     draw = draw_place;

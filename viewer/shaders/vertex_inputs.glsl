@@ -11,3 +11,12 @@ layout(location = 7) in vec4 draw_entry;   // entry in the draw list; screen err
 vec3 seen_from_eye() {
     return draw_origin.xyz + vec3(step_position) * draw_origin.w;
 }
+
+vec3 hem() {
+    // A skirt hangs down and leans outwards: along a parallel, edges with other vertices
+    // differ sideways too, and that gap is seen from straight above.
+    float depth = draw_up.w * float(flags & 1);
+    vec3 away = vec3(step_position) * draw_origin.w;
+    away -= draw_up.xyz * dot(away, draw_up.xyz);
+    return depth * (0.5 * away / max(length(away), 1.0) - draw_up.xyz);
+}
