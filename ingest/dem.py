@@ -146,10 +146,10 @@ def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:
 def _bounds_deg(
     crs: pyproj.CRS, dataset: rasterio.DatasetReader
 ) -> tuple[float, float, float, float]:
-    corners = [
-        dataset.transform * (c, r) for c in (0, dataset.width) for r in (0, dataset.height)
-    ]
-    xs, ys = [x for x, _ in corners], [y for _, y in corners]
+    a, b, c, d, e, f = tuple(dataset.transform)[:6]
+    corners = [(i, j) for i in (0, dataset.width) for j in (0, dataset.height)]
+    xs = [a * i + b * j + c for i, j in corners]
+    ys = [d * i + e * j + f for i, j in corners]
     box = (min(xs), min(ys), max(xs), max(ys))
     if is_lon_lat(crs):
         return box

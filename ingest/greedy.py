@@ -101,7 +101,7 @@ def _worst(posts: Floats, side: int, a: int, b: int, c: int) -> tuple[int, float
             for k in range(3):
                 flat = (w0 * posts[a, k] + w1 * posts[b, k] + w2 * posts[c, k]) / area
                 squared += (flat - posts[p, k]) ** 2
-            if squared > worst and p not in (a, b, c):  # noqa: PLR6201 - numba: no sets
+            if squared > worst and p not in (a, b, c):
                 worst, found = squared, p
     return found, np.sqrt(worst)
 

@@ -117,7 +117,8 @@ def _halve(finer: NDArray[np.generic]) -> NDArray[np.generic]:
     total = np.where(known, quads, 0).sum(axis=0)
     with np.errstate(invalid="ignore"):
         mean = total / known.sum(axis=0)
-    return (np.rint(mean) if finer.dtype == np.uint8 else mean).astype(finer.dtype)
+    halved = np.rint(mean) if finer.dtype == np.uint8 else mean
+    return np.asarray(halved.astype(finer.dtype))
 
 
 class Blocks:

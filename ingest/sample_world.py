@@ -2,10 +2,8 @@
 """What a new store starts from: the sample earth."""
 
 from pathlib import Path
-from typing import Any
 
-from ingest.raster_blocks import Progress
-from ingest.terrain import RasterOptions, ingest_rasters
+from ingest.terrain import RasterOptions
 from tiles.errors import InputError
 from tiles.samples import SAMPLES
 
@@ -40,8 +38,3 @@ def earth_files() -> list[tuple[Path, RasterOptions]]:
     """
     earth, picture = samples((EARTH, PICTURE))
     return [(earth, RasterOptions(datum="egm96")), (picture, RasterOptions("imagery"))]
-
-
-def ingest_earth(store: Path, progress: Progress) -> dict[str, Any]:
-    """Start a new store."""
-    return ingest_rasters(store, earth_files(), progress)

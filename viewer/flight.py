@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from geopage.draw_list import DrawList
 from geopage.view import ViewState
 from tiles.geodesy import to_geodetic
-from viewer.memory import resident_bytes
+from viewer import gil
+from viewer.memory import preempted_ns, resident_bytes
 from viewer.poses import Flight
 from viewer.renderer import FrameStats
 from viewer.session import Session
@@ -28,6 +29,7 @@ FRAME = np.dtype(
         ("cull_ms", "f8"),
         ("draw_ms", "f8"),
         ("wait_ms", "f8"),
+        ("preempted_ms", "f8"),
         ("gil_ms", "f8"),
         ("list_age_ms", "f8"),
         ("screen_error_px", "f8"),
@@ -42,6 +44,7 @@ FRAME = np.dtype(
     ]
 )
 UPLOAD_BYTES = 2 << 20
+UPLOAD_S = 1.5e-3
 WARM_FRAMES = 3
 FRAME_S = 1 / 60
 """No frame begins sooner than this after the one before, as on a 60 Hz screen."""
@@ -77,32 +80,26 @@ def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording
     for _ in range(WARM_FRAMES):
         renderer.draw(pager.draw_list(), flight.view(0.0))
     recording.settle_s = time.perf_counter() - start_s
-    with quiet_collector():
+    with quiet_collector(), gil.interval(gil.KEEP_S):
         start_s = time.perf_counter()
         while (now_s := time.perf_counter() - start_s) < flight.path.duration_s:
             clock = FrameClock()
             view = flight.view(now_s)
-            pager.view(view)
             drawn = pager.draw_list()
             before_ns = time.perf_counter_ns()
-            moved = feeder.feed(drawn.number, UPLOAD_BYTES)
+            moved = feeder.feed(drawn.number, UPLOAD_BYTES, UPLOAD_S)
             upload_ms = (time.perf_counter_ns() - before_ns) / 1e6
+            pager.view(view)
             clock.pause()
             stats = renderer.draw(drawn, view)
             clock.resume()
             age_ms = (view.t_s - drawn.view.t_s) * 1e3
-            wait_ms = clock.wait_ms() + stats.gil_ms
-            record(
-                session,
-                recording,
-                view,
-                drawn,
-                stats,
-                (upload_ms, wait_ms, age_ms, moved),
-                clock,
-            )
+            waited_ms, preempted_ms = clock.stood_still_ms()
+            timed = upload_ms, waited_ms + stats.gil_ms, preempted_ms, age_ms, moved
+            record(session, recording, view, drawn, stats, timed, clock)
             progress(now_s)
-            time.sleep(max(0.0, FRAME_S - clock.frame_ms() / 1e3))
+            with gil.interval(gil.SHARE_S):
+                time.sleep(max(0.0, FRAME_S - clock.frame_ms() / 1e3))
     return recording
 
 
@@ -116,37 +113,43 @@ def fly_settled(
         drawn, _ = session.settle(view)
         clock = FrameClock()
         stats = session.renderer.draw(drawn, view)
-        record(session, recording, view, drawn, stats, (0.0, 0.0, 0.0, 0), clock)
+        record(session, recording, view, drawn, stats, (0.0, 0.0, 0.0, 0.0, 0), clock)
         progress(t_s)
     return recording
 
 
 class FrameClock:
-    """Wall and processor time of one frame's own Python, drawing apart.
+    """Where the time of one frame's own Python went, drawing apart.
 
-    Where the wall clock ran and this thread's processor clock did not, the thread
-    waited: for a lock, for a read, for the GIL, or for the operating system.
+    Where the wall clock ran and this thread's processor clock did not, the thread stood
+    still: it waited for a lock, a read or the GIL, or it was ready and the operating
+    system gave the core to somebody else. Linux counts the latter.
     """
 
     def __init__(self) -> None:
         self.start_ns = time.perf_counter_ns()
-        self._wall_ns = self._busy_ns = 0
+        self._spent_ns = np.zeros(3, np.int64)
         self.resume()
 
     def resume(self) -> None:
         """Count from here."""
-        self._wall_from, self._busy_from = time.perf_counter_ns(), time.thread_time_ns()
+        self._from = self._now()
 
     def pause(self) -> None:
         """Count up to here."""
-        self._wall_ns += time.perf_counter_ns() - self._wall_from
-        self._busy_ns += time.thread_time_ns() - self._busy_from
+        now = self._now()
+        self._spent_ns += np.array(now) - self._from
 
-    def wait_ms(self) -> float:
-        """Return the time that the thread stood still while it was counted."""
+    @staticmethod
+    def _now() -> tuple[int, int, int]:
+        return time.perf_counter_ns(), time.thread_time_ns(), preempted_ns()
+
+    def stood_still_ms(self) -> tuple[float, float]:
+        """Return the time that the thread waited, and that it was ready without a core."""
         self.pause()
         self.resume()
-        return max(self._wall_ns - self._busy_ns, 0) / 1e6
+        wall, busy, preempted = self._spent_ns.tolist()
+        return max(wall - busy - preempted, 0) / 1e6, preempted / 1e6
 
     def frame_ms(self) -> float:
         """Return the time since the frame began."""
@@ -159,11 +162,11 @@ def record(
     view: ViewState,
     drawn: DrawList,
     stats: FrameStats,
-    timed: tuple[float, float, float, int],
+    timed: tuple[float, float, float, float, int],
     clock: FrameClock,
 ) -> None:
     """Write one frame down."""
-    upload_ms, wait_ms, age_ms, moved = timed
+    upload_ms, wait_ms, preempted_ms, age_ms, moved = timed
     frame_ms = clock.frame_ms()
     lon, lat, height_m = to_geodetic(view.eye)
     recording.views.append(view)
@@ -179,6 +182,7 @@ def record(
             stats.cull_ms,
             stats.gl_ms,
             wait_ms,
+            preempted_ms,
             stats.gil_ms,
             age_ms,
             stats.screen_error_px,

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much memory this process has, as the operating system counts it."""
+"""What the operating system counts: memory, and time without a core."""
 
 import os
 import sys
 from pathlib import Path
 
 STATM = Path("/proc/self/statm")
+SCHEDSTAT = Path("/proc/thread-self/schedstat")
 
 
 def resident_bytes() -> int:
@@ -18,3 +19,12 @@ def resident_bytes() -> int:
 
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def preempted_ns() -> int:
+    """Return how long this thread has been ready to run without a core; 0 if not known."""
+    try:
+        with SCHEDSTAT.open("rb", buffering=0) as file:
+            return int((file.read(64) or b"0 0").split()[1])
+    except OSError:
+        return 0

@@ -15,7 +15,7 @@ from tiles.frames import Ecef, Floats
 from tiles.lanes import Lane
 from tiles.objects import ObjectTile
 from tiles.terrain import TerrainTile
-from viewer import cull, gl, passes
+from viewer import cull, gil, gl, passes
 from viewer.arena import Arena, ArenaSize
 from viewer.gl import CallTable, Gl
 from viewer.look import Look, frame_block
@@ -133,7 +133,8 @@ class Renderer:
         self._block[:] = frame_block(view, self.look, self._supersample)
         for lane, count in counts.items():
             passes.set_draws(self._table, self._uploads[lane], self._draws[lane], count)
-        gil_ns = self._table.run()
+        with gil.interval(gil.SHARE_S):
+            gil_ns = self._table.run()
         stamps = self._table.stamps_ns
         self._drawn, self._probed = (view, counts), set()
         entries = (

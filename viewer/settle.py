@@ -9,6 +9,8 @@ from geopage.view import ViewState
 from viewer.renderer import FrameStats, Renderer
 
 UPLOAD_BYTES = 8 << 20
+BACKLOG = 16
+"""Tiles waiting for the next frame above which no more are taken over."""
 FRAMES = 2  # settled is: nothing wanted and nothing in flight for this many frames
 
 
@@ -19,21 +21,28 @@ class Feeder:
         self._pager, self._renderer = pager, renderer
         self._waiting: list[Upload] = []
 
-    def feed(self, list_number: int, max_bytes: int = UPLOAD_BYTES) -> int:
+    def feed(
+        self, list_number: int, max_bytes: int = UPLOAD_BYTES, max_s: float = 1.0
+    ) -> int:
         """Free what the pager released, upload what it loaded; returns tiles uploaded.
 
         Parameters
         ----------
         list_number : of the list that was drawn last; its frame is finished
+        max_s : after this long no further upload begins
         """
+        end = time.perf_counter() + max_s
         for lane, row in self._pager.releases(list_number):
             self._renderer.free(lane, row)
             self._pager.released(lane, row)
-        ready = [*self._waiting, *self._pager.take_uploads(max_bytes)]
-        self._waiting = [item for item in ready if not self._upload(item)]
+        fresh = self._pager.take_uploads(max_bytes) if len(self._waiting) < BACKLOG else []
+        ready = [*self._waiting, *fresh]
+        self._waiting = [item for item in ready if not self._upload(item, end)]
         return len(ready) - len(self._waiting)
 
-    def _upload(self, item: Upload) -> bool:
+    def _upload(self, item: Upload, end: float) -> bool:
+        if time.perf_counter() > end:
+            return False
         if not self._renderer.upload(item.lane, item.row, item.tile):
             return False
         self._pager.uploaded(item.lane, item.row)
