@@ -62,8 +62,8 @@ def make_demo(out: Path) -> None:
         sources = reader.sources()
     text = (
         "Speed against accuracy. Each dot is a flight at one threshold; its bar reaches to"
-        " the 99th percentile. The error is the one that the selection knows, weighted by area;"
-        " it is a bound kept by the selection, not yet a measurement of the picture."
+        " the 99th percentile. The error is the one that the selection knows, weighted by"
+        " area; it is a bound kept by the selection, not yet a measurement of the picture."
     )
     over = (
         "The flight over time. Height, frame time beside its floor, screen error, memory."

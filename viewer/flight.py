@@ -138,7 +138,7 @@ class FrameClock:
     def pause(self) -> None:
         """Count up to here."""
         now = self._now()
-        self._spent_ns += np.array(now) - self._from
+        self._spent_ns += np.array(now, np.int64) - np.array(self._from, np.int64)
 
     @staticmethod
     def _now() -> tuple[int, int, int]:

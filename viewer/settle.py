@@ -4,7 +4,8 @@
 import time
 
 from geopage.draw_list import DrawList
-from geopage.pager import Pager, Upload
+from geopage.exchange import Upload
+from geopage.pager import Pager
 from geopage.view import ViewState
 from viewer.renderer import FrameStats, Renderer
 
