@@ -191,9 +191,11 @@ class ZoneBuilder:
         tile = tile_of(node.cell, node.painted, node.error_m, leaf=not node.children)
         body = encode(tile)
         record = np.zeros(1, INDEX)
-        centre, radius_m = bounds.sphere_of(node.cell, node.low_m, node.high_m)
+        # Between posts a triangle cuts through the planet, by no more than the error.
+        low_m, high_m = node.low_m - node.error_m, node.high_m + node.error_m
+        centre, radius_m = bounds.sphere_of(node.cell, low_m, high_m)
         record["cell"], record["centre"], record["radius_m"] = node.cell, centre, radius_m
-        record["min_height_m"], record["max_height_m"] = node.low_m, node.high_m
+        record["min_height_m"], record["max_height_m"] = low_m, high_m
         record["error_m"], record["texel_m"] = node.error_m, tile.texel_m
         record["children"] = 15 if node.children else 0
         record["tile_bytes"], record["check"] = (

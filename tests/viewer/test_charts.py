@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Charts, pages and what flights measure themselves with."""
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tiles.errors import InputError
+from viewer import gil
+from viewer.charts import read_report, speed_against_accuracy
+from viewer.flight import FrameClock
+from viewer.holes import meets_ellipsoid, rays_of
+from viewer.memory import preempted_ns, resident_bytes
+from viewer.page import Page, write_page
+
+
+def report(threshold: float, ms: float, error: float) -> dict[str, Any]:
+    return {
+        "settings": {
+            "path": "<p>",
+            "mode": "settled",
+            "policy": "benefit",
+            "threshold_px": threshold,
+            "size_px": [640, 360],
+        },
+        "machine": {"cpu": "A & B", "cores": 2, "gl_renderer": "soft"},
+        "frames": {
+            "count": 3,
+            "mean_ms": ms,
+            "sd_ms": 1.0,
+            "p50_ms": ms,
+            "p99_ms": 2 * ms,
+            "holes": 0,
+            "with_stand_ins": 0,
+        },
+        "floor": {
+            "frame_p50_ms": ms / 2,
+            "frame_p99_ms": ms,
+            "frame_mean_ms": ms / 2,
+            "bytes": 1,
+        },
+        "screen_error_px": {"p50": error, "p95": error},
+        "memory": {
+            "budget_bytes": 10,
+            "peak_bytes": 5,
+            "rss_peak_bytes": 7,
+            "rss_before_bytes": 3,
+        },
+        "io": {"bytes_read": 2**20, "tiles_loaded": 1},
+        "drawn": {"triangles_mean": 12.0},
+        "stages_ms": {"draw": ms},
+    }
+
+
+def test_the_chart_shows_every_threshold_and_the_machine(tmp_path: Path) -> None:
+    out = tmp_path / "c.svg"
+    speed_against_accuracy([report(1, 30, 0.8), report(4, 12, 3.1)], out)
+    text = out.read_text()
+    for words in ("1 px", "4 px", "A &amp; B", "floor"):
+        assert words in text
+
+
+def test_the_same_runs_make_the_same_chart(tmp_path: Path) -> None:
+    runs = [report(1, 30, 0.8), report(4, 12, 3.1)]
+    for name in ("a.svg", "b.svg"):
+        speed_against_accuracy(runs, tmp_path / name)
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+def test_a_report_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "report.json").write_text('{"frames": {}}')
+    with pytest.raises(InputError, match=r"report\.json: is not a flight's report"):
+        read_report(tmp_path)
+
+
+def test_the_page_shows_figures_and_escapes_names(tmp_path: Path) -> None:
+    write_page(tmp_path, Page("a <b>", "lead", report(1, 30, 0.8), None, [("x.png", "cap")]))
+    text = (tmp_path / "index.html").read_text()
+    assert "<b>" not in text
+    assert "a &lt;b&gt;" in text
+    assert "ratio 2.00" in text
+    assert 'src="x.png"' in text
+
+
+def test_rays_that_meet_the_ellipsoid_are_those_of_the_disc() -> None:
+    from tiles.frames import Ecef
+    from viewer.camera import Pose, view_state
+
+    view = view_state(Pose(0.0, 0.0, 1e7, 0.0, -np.pi / 2), (200, 200))
+    assert isinstance(Ecef(view.eye), np.ndarray)
+    pixels = np.argwhere(np.ones((200, 200), bool))
+    hit = meets_ellipsoid(view, rays_of(view, pixels), 0.0).reshape(200, 200)
+    away = np.hypot(*(np.indices((200, 200)) + 0.5 - 100))
+    radius = view.focal_px * np.tan(np.arcsin(6378137.0 / (6378137.0 + 1e7)))
+    assert hit[away < radius * 0.99].all()
+    assert not hit[away > radius * 1.01].any()
+
+
+def test_a_frame_clock_counts_standing_still_and_not_work() -> None:
+    clock = FrameClock()
+    while clock.frame_ms() < 20:
+        pass
+    waited, preempted = clock.stood_still_ms()
+    assert waited < 10  # busy all the time, but for what the system took
+    start = time.perf_counter()
+    while time.perf_counter() - start < 0.03:
+        time.sleep(0.01)  # the thing that is measured
+    assert clock.stood_still_ms()[0] + clock.stood_still_ms()[1] > waited + 20 - preempted
+
+
+def test_the_switch_interval_is_given_back() -> None:
+    before = sys.getswitchinterval()
+    with gil.interval(gil.KEEP_S), gil.interval(gil.SHARE_S):
+        assert sys.getswitchinterval() == pytest.approx(gil.SHARE_S)
+    assert sys.getswitchinterval() == pytest.approx(before)
+
+
+def test_the_process_grows_by_what_it_allocates() -> None:
+    before = resident_bytes()
+    block = np.ones(64 << 20, np.uint8)
+    assert resident_bytes() - before > 48 << 20
+    assert block[-1] == 1
+    assert preempted_ns() >= 0
