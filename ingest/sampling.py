@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from tiles.frames import Floats
 from tiles.kernels import kernel
 
+ROUNDING = 1e-6
+"""Places this little outside, in posts, count as on the edge."""
+
 
 @kernel
 def triangulated(window: NDArray[np.float32], x: Floats, y: Floats) -> Floats:
@@ -29,11 +32,12 @@ def triangulated(window: NDArray[np.float32], x: Floats, y: Floats) -> Floats:
     height, width = window.shape
     out = np.full(len(x), np.nan)
     for i in range(len(x)):
-        if not (0.0 <= x[i] <= width - 1 and 0.0 <= y[i] <= height - 1):
+        xi, yi = min(max(x[i], 0.0), width - 1.0), min(max(y[i], 0.0), height - 1.0)
+        if abs(x[i] - xi) > ROUNDING or abs(y[i] - yi) > ROUNDING:
             continue
-        c, r = min(int(x[i]), max(width - 2, 0)), min(int(y[i]), max(height - 2, 0))
+        c, r = min(int(xi), max(width - 2, 0)), min(int(yi), max(height - 2, 0))
         c1, r1 = min(c + 1, width - 1), min(r + 1, height - 1)
-        fx, fy = x[i] - c, y[i] - r
+        fx, fy = xi - c, yi - r
         total = 0.0
         if min(fx, fy) > 0.0:
             total += min(fx, fy) * window[r1, c1]

@@ -12,8 +12,9 @@ from tiles.kernels import kernel
 from tiles.terrain import TEXTURE_SIDE
 
 TINT_M = np.array(
-    [-8000.0, -4000, -200, -1, 0, 150, 600, 1500, 2600, 3800, 5000, 5600, 8900]
+    [-8000.0, -4000, -200, 0.2, 1.5, 150, 600, 1500, 2600, 3800, 5000, 5600, 8900]
 )
+"""The sea's colours reach up to where an elevation model that knows no sea says 0."""
 TINT_RGB = np.array(
     [
         (20, 42, 84),

@@ -18,7 +18,7 @@ from ingest.datum import datum_of, unit_m
 from ingest.dem import describe, open_raster, unreadable
 from ingest.mosaic import Mosaic
 from ingest.raster_blocks import Progress, copy_in
-from ingest.terrain_build import Recipe, Source, rebuild
+from ingest.terrain_build import Recipe, Source, rebuild, require_generation
 from tiles.errors import InputError
 from tiles.writer import Writer
 
@@ -206,6 +206,7 @@ def change(
     progress: Progress,
 ) -> dict[str, Any]:
     """Give a store other sources and make the terrain again where that changes it."""
+    require_generation(writer, generation)
     old = Mosaic(writer.connection, writer.sources("terrain"))
     new = Mosaic(writer.connection, after)
     boxes = affected((old, new), changed)

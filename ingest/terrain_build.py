@@ -105,10 +105,7 @@ def rebuild(
     jobs.sort(key=lambda job: -int(cells.level(job.cell)))
     made: list[MadePart] = []
     with writer.transaction():
-        if int(writer.meta("generation")) != generation:
-            raise InputError(
-                writer.path, "another command changed it", "run this one again"
-            )
+        require_generation(writer, generation)
         with closing(run(jobs, workers)) as parts:
             for one in parts:
                 made.append(one.stored(writer))
@@ -125,6 +122,12 @@ def rebuild(
         writer.replace_index(Lane.TERRAIN, index)
         writer.replace_sources(recipe.sources)
     return {"tiles": len(index), "tiles_made": sum(one.new for one in made)}
+
+
+def require_generation(writer: Writer, generation: int) -> None:
+    """Refuse to go on when another command changed the store in the meantime."""
+    if int(writer.meta("generation")) != generation:
+        raise InputError(writer.path, "another command changed it", "run this one again")
 
 
 def run(jobs: list[Job], workers: int) -> Generator[MadePart]:

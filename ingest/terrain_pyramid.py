@@ -16,6 +16,7 @@ from ingest.boxes import Box, overlap, touches
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_tile import (
+    LARGEST_BOUND_M,
     LEAF_SIDE,
     Painted,
     error_under,
@@ -164,7 +165,8 @@ class ZoneBuilder:
             bound_m = self._leaf_bound_m(node.cell)
             node.painted = paint(self._mosaic, self._pictures, node.cell, bound_m)
             lattice = node.painted.lattice
-            node.error_m = leaf_error_m(self._mosaic, node.cell, node.painted.surface)
+            error_m = leaf_error_m(self._mosaic, node.cell, node.painted.surface)
+            node.error_m = rounded_up(error_m)
         node.low_m, node.high_m = (
             float(lattice.height_m.min()),
             float(lattice.height_m.max()),
@@ -188,6 +190,7 @@ class ZoneBuilder:
         own = node.painted.lattice.height_m
         node.low_m = min(node.low_m, float(own.min()))
         node.high_m = max(node.high_m, float(own.max()))
+        node.error_m = rounded_up(node.error_m)
         tile = tile_of(node.cell, node.painted, node.error_m, leaf=not node.children)
         body = encode(tile)
         record = np.zeros(1, INDEX)
@@ -221,10 +224,17 @@ class ZoneBuilder:
         as an inner cell of its size would.
         """
         held = [layer for layer in self._mosaic.layers if has_posts(layer, cell)]
-        inner_m = step_m(cell, TEXTURE_SIDE)
+        inner_m = min(step_m(cell, TEXTURE_SIDE), LARGEST_BOUND_M)
         if not held:
             return inner_m
         return min(inner_m, max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2))
+
+
+def rounded_up(error_m: float) -> float:
+    """Return the next float32, as which it is stored: an error never gets smaller."""
+    stored = np.float32(error_m)
+    above = np.nextafter(stored, np.float32(np.inf))
+    return float(stored if stored >= error_m else above)
 
 
 def has_posts(layer: Layer, cell: int) -> bool:

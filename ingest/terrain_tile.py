@@ -21,6 +21,8 @@ INNER_SIDE = 128
 LEAF_SIDE = 64
 LARGEST_BOUND_M = 3000.0
 """Coarse tiles keep closer than edge / 256, so that the globe's rim is round."""
+SEA_M = 0.2
+"""Posts up to here count as sea: many elevation models say 0 there."""
 CHECK_FACTOR = 4
 CHECK_MARGIN = 1.25
 """Where several sources meet, the error is the largest on a lattice four times finer than
@@ -67,7 +69,7 @@ def paint(
     lattice = lattice_of(cell, lon[inner], lat[inner], heights[inner])
     inner_m = min(edge_m / TEXTURE_SIDE, LARGEST_BOUND_M)
     bound_m = inner_m if leaf_bound_m is None else leaf_bound_m
-    surface = build_surface(lattice, (heights < zero)[inner], 0.7 * bound_m)
+    surface = build_surface(lattice, (heights < zero + SEA_M)[inner], 0.7 * bound_m)
     texture = bc1.encode(colours(cell, heights, heights - zero, pictures))
     return Painted(surface, lattice, texture, bound_m)
 

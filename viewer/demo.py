@@ -5,8 +5,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from geopage.cli import find
 from geopage.settings import PagerSettings
 from tiles.errors import InputError
@@ -23,8 +21,12 @@ from viewer.session import Picture, Session
 SIZE_PX = (1280, 720)
 THRESHOLDS_PX = (1.0, 2.0, 4.0, 8.0, 16.0)
 CHART_POSES = 24
-STILLS = (("fly_in", 10), ("langtang", 3), ("street_orbit", 2))
-"""Camera paths and how many pictures along each."""
+STILLS = (
+    ("fly_in", (0.0, 5.0, 8.0, 12.0, 15.0, 17.0, 20.0, 22.0, 26.0, 30.0)),
+    ("langtang", (0.0, 8.0, 14.0, 25.0)),
+    ("street_orbit", (0.0, 7.0)),
+)
+"""Camera paths, and the seconds at which pictures are taken."""
 STEPS = (
     ("terrain", ("himalaya.tif", "langtang.tif", "sanfrancisco.tif"), ("--datum", "egm96")),
     ("imagery", ("langtang_ground.tif", "sanfrancisco_ground.tif"), ()),
@@ -123,10 +125,9 @@ def take_pictures(store: Path, out: Path) -> list[tuple[str, str]]:
     shown: list[tuple[str, str]] = []
     picture = Picture(SIZE_PX, supersample=2)
     with Session(store, PagerSettings(1.0), picture) as session:
-        for name, count in STILLS:
+        for name, times_s in STILLS:
             flight = Flight(read_path(PATHS / f"{name}.json"), session.surface, SIZE_PX)
-            times_s = np.linspace(0, flight.path.duration_s, count).tolist()
-            with bar(f"pictures of {name}", count, "pictures") as show:
+            with bar(f"pictures of {name}", len(times_s), "pictures") as show:
                 for i, t_s in enumerate(times_s):
                     session.settle(flight.view(t_s))
                     path = folder / f"{name}_{i:02d}.png"
