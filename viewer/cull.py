@@ -26,9 +26,14 @@ from geopage.view import ViewState
 from tiles import geodesy
 from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
 from tiles.kernels import inlined, kernel
+from tiles.terrain import TEXTURE_SIDE
+from viewer.slots import PATCH_M
 
 COMMAND_WORDS = 5
 INSTANCE_FLOATS = 16
+GRAIN_TEXEL_PX = 1.6
+"""A texel must be larger than this for the ground to show grain (terrain.frag)."""
+NEAREST_FIRST = 1e12
 STRETCH = WGS84_A_M / WGS84_B_M
 CHILDREN = 4
 
@@ -163,14 +168,15 @@ class Lists(NamedTuple):
 @kernel
 def cull_terrain(
     lists: Lists, skirt_m: NDArray[np.float32], eye: Eye, picture_px: float, room: Room
-) -> tuple[int, int, float]:
-    """Fill `room` with the visible terrain tiles.
+) -> tuple[int, int, float, int]:
+    """Fill `room` with the visible terrain tiles, those that need grain first.
 
     Returns
     -------
-    draws, triangles, screen error in px as a mean weighted by the tiles' areas
+    draws, triangles, screen error in px as a mean weighted by the tiles' areas, and how
+    many of the draws need grain
     """
-    n, triangles, error_sum, area_sum = 0, 0, 0.0, 1e-9
+    n, triangles, error_sum, area_sum, grained = 0, 0, 0.0, 1e-9, 0
     for entry in range(len(lists.rows)):
         row = lists.rows[entry]
         slot = lists.slots[row]
@@ -191,13 +197,17 @@ def cull_terrain(
         room.instances[n, 11] = slot["layer"]
         _command(room.unsorted[n], slot, 0, slot["index_count"])
         room.keys[n] = -scale
+        texel_m = slot["noise"][2] * PATCH_M / TEXTURE_SIDE
+        if texel_m * min(scale, bound) > GRAIN_TEXEL_PX:
+            room.keys[n] -= NEAREST_FIRST
+            grained += 1
         n += 1
         triangles += slot["index_count"] // 3
         area = min((2.0 * radius * scale) ** 2, picture_px)
         error_sum += area * min(error_px, 1e6)
         area_sum += area
     _sort(room.keys, room.unsorted, room.commands, n)
-    return n, triangles, error_sum / area_sum
+    return n, triangles, error_sum / area_sum, grained
 
 
 @kernel

@@ -15,6 +15,8 @@ from viewer.camera import NEAR_M
 SUN_ENU = np.array((-0.5, 0.5, math.sqrt(0.5)))
 """From the north-west, 45 degrees high: the light of the relief in the textures."""
 AXES_M = np.array((WGS84_A_M, WGS84_A_M, WGS84_B_M))
+HEIGHT = 15
+"""Where the frame block holds the eye's height, m."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ terrain, sky, so that what is near hides what is far before it is shaded.
 """
 
 from importlib.resources import files
+from itertools import chain
 
 import moderngl
 import numpy as np
@@ -27,6 +28,11 @@ VERTEX_INPUTS = (
     (2, 2, gl.UNSIGNED_SHORT, 8, True),
     (3, 3, BYTE, 12, False),
 )
+VARIANTS = (("", "GRAIN"), ("HIGH", "HIGH\n#define GRAIN"))
+"""Of the terrain's shaders: near the ground, and above; without grain, and with it."""
+HIGH_M = 30_000.0
+PROGRAM_ROW = -3
+"""Where a multi-draw's glUseProgram is, seen from the multi-draw."""
 LANE_NAME = {Lane.TERRAIN: "terrain", Lane.OBJECTS: "objects"}
 
 
@@ -37,12 +43,16 @@ def source(*names: str, define: str = "") -> str:
     return "\n".join([parts[0], f"#define {define}\n" if define else "", *parts[1:]])
 
 
-def make_program(context: moderngl.Context, lane: Lane) -> moderngl.Program:
-    """Return the program that shades a lane."""
+def make_program(
+    context: moderngl.Context, lane: Lane, define: str = ""
+) -> moderngl.Program:
+    """Return the program that shades a lane, in one of the `VARIANTS`."""
     name = LANE_NAME[lane]
+    vertex = "frame.glsl", "air.glsl", "water.glsl", "vertex_inputs.glsl", f"{name}.vert"
+    fragment = "frame.glsl", "air.glsl", "water.glsl", "grain.glsl", "screen.glsl"
     return context.program(
-        vertex_shader=source("frame.glsl", "vertex_inputs.glsl", f"{name}.vert"),
-        fragment_shader=source("frame.glsl", "light.glsl", "grain.glsl", f"{name}.frag"),
+        vertex_shader=source(*vertex, define=define),
+        fragment_shader=source(*fragment, f"{name}.frag", define=define),
     )
 
 
@@ -60,7 +70,9 @@ def make_sky_program(context: moderngl.Context) -> moderngl.Program:
     """Return the program that shades what no tile covers."""
     return context.program(
         vertex_shader=source("frame.glsl", "sky.vert"),
-        fragment_shader=source("frame.glsl", "way.glsl", "light.glsl", "sky.frag"),
+        fragment_shader=source(
+            "frame.glsl", "way.glsl", "air.glsl", "screen.glsl", "sky.frag"
+        ),
     )
 
 
@@ -69,7 +81,11 @@ class LanePass:
 
     def __init__(self, calls: Gl, arena: Arena, lane: Lane, draws: int) -> None:
         self._gl, self._arena = calls, arena
-        self.program = make_program(calls.context, lane)
+        variants = VARIANTS if lane == Lane.TERRAIN else (("",),)
+        self.programs = [
+            [make_program(calls.context, lane, name) for name in names]
+            for names in variants
+        ]
         self.probe_program = make_probe_program(calls.context, lane)
         self.name = calls.create("glCreateVertexArrays")
         self._lay_out()
@@ -114,13 +130,15 @@ class LanePass:
 
     def release(self) -> None:
         """Free the GPU's memory."""
-        for part in (self.program, self.probe_program, self.commands, self.instances):
+        for part in (self.probe_program, self.commands, self.instances):
             part.release()
+        for program in chain(*self.programs):
+            program.release()
         names = np.array([self.name], np.uint32)
         self._gl.call("glDeleteVertexArrays", 1, names.ctypes.data)
 
     def add_upload(self, table: CallTable) -> tuple[int, int]:
-        """Append the copies to the GPU; returns their rows, for `set_draws`."""
+        """Append the copies to the GPU; returns their rows, for `set_upload`."""
         rows = []
         for buffer, array in (
             (self.commands, self.room.commands),
@@ -131,22 +149,51 @@ class LanePass:
         return rows[0], rows[1]
 
     def add_draw(self, table: CallTable, program: moderngl.Program) -> int:
-        """Append the multi-draw; returns its row, whose draw count `set_draws` sets."""
+        """Append the multi-draw; returns its row, for `set_part`."""
         table.add("glUseProgram", program.glo)
         table.add("glBindVertexArray", self.name)
         table.add("glBindBuffer", gl.DRAW_INDIRECT_BUFFER, self.commands.glo)
         draw = gl.TRIANGLES, gl.UNSIGNED_SHORT, 0, 0, COMMAND_BYTES
         return table.add("glMultiDrawElementsIndirect", *draw)
 
+    def add_warm_up(self, table: CallTable) -> None:
+        """Append a draw of one triangle without area with every program."""
+        self.room.commands[0] = (3, 1, 0, 0, 0)
+        self.room.instances[0] = 0
+        set_upload(table, self.add_upload(table), 1)
+        for program in chain(*self.programs):
+            set_part(table, self.add_draw(table, program), program, 0, 1)
 
-def set_draws(
-    table: CallTable, uploads: tuple[int, int] | None, draw: int, count: int
+
+def set_upload(table: CallTable, uploads: tuple[int, int], count: int) -> None:
+    """Set how many draws a pass copies to the GPU."""
+    table.change(uploads[0], 2, count * COMMAND_BYTES)
+    table.change(uploads[1], 2, count * INSTANCE_BYTES)
+
+
+def set_part(
+    table: CallTable, draw: int, program: moderngl.Program, first: int, count: int
 ) -> None:
-    """Set how many draws a pass copies and makes."""
-    if uploads:
-        table.change(uploads[0], 2, count * COMMAND_BYTES)
-        table.change(uploads[1], 2, count * INSTANCE_BYTES)
+    """Set program and draws of a multi-draw that takes a part of a pass's commands."""
+    table.change(draw + PROGRAM_ROW, 0, program.glo)
+    table.change(draw, 2, first * COMMAND_BYTES)
     table.change(draw, 3, count)
+
+
+def parts_of(objects: int, terrain: int, grained: int) -> tuple[tuple[int, int], ...]:
+    """Return first draw and number of draws of each part of a frame.
+
+    Halves of the objects, terrain with grain, and halves of the terrain without: a
+    software driver shades one part while it transforms the vertices of the next.
+    """
+    half, middle = objects // 2, (grained + terrain) // 2
+    return (
+        (0, half),
+        (half, objects - half),
+        (0, grained),
+        (grained, middle - grained),
+        (middle, terrain - middle),
+    )
 
 
 def add_state(table: CallTable) -> None:
@@ -161,6 +208,7 @@ def add_state(table: CallTable) -> None:
 
 def add_sky(table: CallTable, program: moderngl.Program, vertex_array: int) -> None:
     """Append the sky, where the depth is still infinite."""
+    table.add("glDepthMask", 0)
     table.add("glUseProgram", program.glo)
     table.add("glBindVertexArray", vertex_array)
     table.add("glDrawArrays", gl.TRIANGLES, 0, 3)

@@ -15,13 +15,16 @@ from tiles.frames import Ecef, Floats
 from tiles.lanes import Lane
 from tiles.objects import ObjectTile
 from tiles.terrain import TerrainTile
-from viewer import cull, gil, gl, passes
+from viewer import cull, gil, gl, grain, passes
 from viewer.arena import Arena, ArenaSize
 from viewer.gl import CallTable, Gl
-from viewer.look import Look, frame_block
+from viewer.look import HEIGHT, Look, frame_block
+from viewer.probes import Probes, ids_of, seen_of
 from viewer.target import Target
 
 FIRST_DRAWS = 2048
+PARTS = (Lane.OBJECTS, Lane.OBJECTS, Lane.TERRAIN, Lane.TERRAIN, Lane.TERRAIN)
+"""The frame's multi-draws, as `Renderer._set_draws` fills them."""
 DRAWS_PER_OBJECT_TILE = 5  # its own objects and four proxies
 
 
@@ -73,17 +76,18 @@ class Renderer:
         self.arena = Arena(self.gl, forests, arena or ArenaSize())
         drawn = size_px[0] * supersample, size_px[1] * supersample
         self._target = Target(self.gl, drawn, (gl.RGBA8,))
-        self._probes: dict[int, Target] = {}
         self._lanes = {
             lane: passes.LanePass(self.gl, self.arena, lane, FIRST_DRAWS) for lane in Lane
         }
+        self._probes = Probes(self.gl, size_px, self._lanes)
         self._sky = passes.make_sky_program(self.gl.context)
+        self._grain = grain.make_texture(self.gl)
         self._no_vertices = self.gl.create("glCreateVertexArrays")
         self._block = np.zeros(passes.FRAME_FLOATS, np.float32)
         self._block_buffer = self.gl.context.buffer(reserve=self._block.nbytes)
         self._build()
         self._drawn: tuple[ViewState, dict[Lane, int]] | None = None
-        self._probed: set[int] = set()
+        self._warm_up()
         self.gl.check("making the renderer")
 
     def _build(self) -> None:
@@ -93,13 +97,26 @@ class Renderer:
         self._share(table)
         self._uploads = {lane: p.add_upload(table) for lane, p in self._lanes.items()}
         self._target.begin(table)
-        self._draws = {
-            lane: self._lanes[lane].add_draw(table, self._lanes[lane].program)
-            for lane in (Lane.OBJECTS, Lane.TERRAIN)
-        }
+        self._draws = []
+        for lane in PARTS:
+            program = self._lanes[lane].programs[0][0]
+            self._draws.append(self._lanes[lane].add_draw(table, program))
+            # A software driver then shades this part while it transforms the next.
+            table.add("glFlush")
         passes.add_sky(table, self._sky, self._no_vertices)
         table.add("glFinish")
         table.stamp()
+
+    def _warm_up(self) -> None:
+        """Draw an empty triangle with every program: drivers compile at the first use."""
+        table = CallTable(self.gl)
+        self._share(table)
+        self._target.begin(table)
+        for lane in self._lanes.values():
+            lane.add_warm_up(table)
+        passes.add_sky(table, self._sky, self._no_vertices)
+        table.add("glFinish")
+        table.run()
 
     def _share(self, table: CallTable) -> None:
         size = self._block.nbytes
@@ -107,6 +124,7 @@ class Renderer:
         table.add("glNamedBufferSubData", name, 0, size, self._block.ctypes.data)
         table.add("glBindBufferBase", gl.UNIFORM_BUFFER, 0, name)
         table.add("glBindTextureUnit", 0, self.arena.textures.name)
+        table.add("glBindTextureUnit", 1, self._grain)
         passes.add_state(table)
 
     def upload(self, lane: Lane, row: int, tile: TerrainTile | ObjectTile) -> bool:
@@ -131,12 +149,12 @@ class Renderer:
         culled = time.perf_counter()
         counts = {Lane.TERRAIN: terrain[0], Lane.OBJECTS: objects[0]}
         self._block[:] = frame_block(view, self.look, self._supersample)
-        for lane, count in counts.items():
-            passes.set_draws(self._table, self._uploads[lane], self._draws[lane], count)
+        self._set_draws(counts, terrain[3])
         with gil.interval(gil.SHARE_S):
             gil_ns = self._table.run()
         stamps = self._table.stamps_ns
-        self._drawn, self._probed = (view, counts), set()
+        self._drawn = view, counts
+        self._probes.forget()
         entries = (
             self._lanes[Lane.TERRAIN].room.instances[: terrain[0], 12].astype(np.int64)
         )
@@ -153,9 +171,21 @@ class Renderer:
             frame_ms=(time.perf_counter() - start) * 1e3,
         )
 
+    def _set_draws(self, counts: dict[Lane, int], grained: int) -> None:
+        """Write the frame's counts into its table: objects, grained terrain, the rest."""
+        for lane, count in counts.items():
+            passes.set_upload(self._table, self._uploads[lane], count)
+        is_high = int(self._block[HEIGHT] > passes.HIGH_M)
+        plain, rough = self._lanes[Lane.TERRAIN].programs[is_high]
+        solid = self._lanes[Lane.OBJECTS].programs[0][0]
+        programs = solid, solid, rough, plain, plain
+        parts = passes.parts_of(counts[Lane.OBJECTS], counts[Lane.TERRAIN], grained)
+        for draw, program, part in zip(self._draws, programs, parts, strict=True):
+            passes.set_part(self._table, draw, program, *part)
+
     def _cull(
         self, draw_list: DrawList, view: ViewState
-    ) -> tuple[tuple[int, int, float], tuple[int, int, int]]:
+    ) -> tuple[tuple[int, int, float, int], tuple[int, int, int]]:
         eye = cull.eye_of(view)
         grown = self._lanes[Lane.TERRAIN].grow(len(draw_list.terrain))
         objects = DRAWS_PER_OBJECT_TILE * len(draw_list.objects)
@@ -215,7 +245,7 @@ class Renderer:
         0 is none (sky); 1 + i is entry i of the list's `terrain`; -1 - (i * 65536 + k)
         is object k of the tile in entry i of `objects`, with k = 65535 for proxies.
         """
-        return self._ids(self._probe_last())
+        return ids_of(self._probe_last())
 
     def read_positions(self) -> Ecef:
         """Return the points that the last frame drew.
@@ -224,7 +254,7 @@ class Renderer:
         -------
         points : (height, width, 3) float64 ECEF m, NaN where sky
         """
-        seen = self._seen(self._probe_last())
+        seen = seen_of(self._probe_last())
         assert self._drawn
         points: Floats = seen[..., :3] + self._drawn[0].eye
         points[seen[..., 3] == 0.0] = np.nan
@@ -239,52 +269,30 @@ class Renderer:
         distance_m : of the same shape, from the eye; infinite where sky
         """
         probe = self._probe_last(divide)
-        seen = self._seen(probe)
+        seen = seen_of(probe)
         distance_m = np.linalg.norm(seen[..., :3], axis=-1)
         distance_m[seen[..., 3] == 0.0] = np.inf
-        return self._ids(probe), distance_m.astype(np.float32)
-
-    @staticmethod
-    def _ids(probe: Target) -> NDArray[np.int32]:
-        whole = np.empty((probe.height_px, probe.width_px), np.int32)
-        return np.ascontiguousarray(
-            probe.read(1, (gl.RED_INTEGER, gl.INT), whole), np.int32
-        )
-
-    @staticmethod
-    def _seen(probe: Target) -> Floats:
-        whole = np.empty((probe.height_px, probe.width_px, 4), np.float32)
-        return probe.read(0, (gl.RGBA, gl.FLOAT), whole).astype(np.float64)
+        return ids_of(probe), distance_m.astype(np.float32)
 
     def release(self) -> None:
         """Free the GPU's memory; the renderer can't be used afterwards."""
         self.gl.guard()
-        for target in (self._target, *self._probes.values()):
-            target.release()
+        self._target.release()
+        self._probes.release()
         self.arena.release()
         for lane in self._lanes.values():
             lane.release()
         self._sky.release()
+        grain.release_texture(self.gl, self._grain)
         self._block_buffer.release()
 
     def _probe_last(self, divide: int = 1) -> Target:
         """Draw positions and ids of the last frame, once for each size."""
         if self._drawn is None:
             raise RuntimeError("nothing was drawn yet")
-        if divide not in self._probes:
-            size = self.size_px[0] // divide, self.size_px[1] // divide
-            self._probes[divide] = Target(self.gl, size, (gl.RGBA32F, gl.R32I))
-        probe = self._probes[divide]
-        if divide in self._probed:
-            return probe
-        self._block[:] = frame_block(self._drawn[0], self.look, 1 / divide)
-        table = CallTable(self.gl)
-        self._share(table)
-        probe.begin(table)
-        for lane, count in self._drawn[1].items():
-            draw = self._lanes[lane].add_draw(table, self._lanes[lane].probe_program)
-            passes.set_draws(table, None, draw, count)
-        table.add("glFinish")
-        table.run()
-        self._probed.add(divide)
+        view, counts = self._drawn
+        probe, is_drawn = self._probes.get(divide)
+        if not is_drawn:
+            self._block[:] = frame_block(view, self.look, 1 / divide)
+            self._probes.draw(probe, self._share, counts)
         return probe

@@ -37,7 +37,8 @@ SLOT = np.dtype(
 POOL = np.dtype([("dimension_m", "<f4"), ("index_end", "<i4")])
 PATCH_LEVEL = 16
 """Ground grain counts in patches as large as a cell of this level (76 m of latitude)."""
-PATCH_PERIOD = 256
+PATCH_M = 76.4
+PATCH_PERIOD = 1024
 """Patches after which the grain repeats."""
 
 

@@ -88,7 +88,7 @@ def test_commands_and_records_are_those_of_a_plain_loop(rng: np.random.Generator
     lists, view = terrain_lists(rng, 400), random_view(rng)
     skirt = rng.uniform(0, 100, 400).astype(np.float32)
     room, eye = cull.make_room(400), cull.eye_of(view)
-    n, triangles, error_px = cull.cull_terrain(lists, skirt, eye, 640 * 360.0, room)
+    n, triangles, error_px, _ = cull.cull_terrain(lists, skirt, eye, 640 * 360.0, room)
     expected = [
         entry
         for entry, row in enumerate(lists.rows)
@@ -118,7 +118,7 @@ def test_commands_run_from_near_to_far(rng: np.random.Generator) -> None:
     lists.radius_m[:] = 1.0
     view = view_state(Pose(0.2, 0.3, 2e7, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(300)
-    n, _, _ = cull.cull_terrain(
+    n, _, _, _ = cull.cull_terrain(
         lists, np.zeros(300, np.float32), cull.eye_of(view), 1.0, room
     )
     assert n > 30
@@ -127,6 +127,25 @@ def test_commands_run_from_near_to_far(rng: np.random.Generator) -> None:
     weighted = np.linalg.norm(offset, axis=1)
     cosine = np.maximum(offset @ view.forward / weighted, view.corner_cos)
     assert (np.diff(weighted * cosine**2) > -0.02 * weighted[1:]).all()
+
+
+def test_tiles_with_large_texels_come_first_and_are_counted(
+    rng: np.random.Generator,
+) -> None:
+    lists = terrain_lists(rng, 300)
+    lists.radius_m[:] = 1.0
+    lists.slots["uploaded"] = 1
+    lists.slots["box_rad"] = (-4.0, -1.5, 4.0, 1.5)
+    lists.slots["noise"][:, 2] = 1.0
+    lists.slots["noise"][::3, 2] = 1e7
+    view = view_state(Pose(0.2, 0.3, 2e7, 0.0, -math.pi / 2), SIZE)
+    room = cull.make_room(300)
+    skirt = np.zeros(300, np.float32)
+    n, _, _, grained = cull.cull_terrain(lists, skirt, cull.eye_of(view), 1.0, room)
+    rows = lists.rows[room.instances[room.commands[:n, 4], 12].astype(int)]
+    assert 10 < grained < n - 10
+    assert (rows[:grained] % 3 == 0).all()
+    assert (rows[grained:] % 3 != 0).all()
 
 
 def test_the_screen_error_is_the_area_weighted_mean() -> None:
@@ -139,7 +158,7 @@ def test_the_screen_error_is_the_area_weighted_mean() -> None:
     view = view_state(Pose(0.0, 0.0, 1e6, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(2)
     skirt = np.zeros(2, np.float32)
-    _, _, error = cull.cull_terrain(lists, skirt, cull.eye_of(view), 1e9, room)
+    _, _, error, _ = cull.cull_terrain(lists, skirt, cull.eye_of(view), 1e9, room)
     scale = view.focal_px / 1e6
     assert error == pytest.approx(scale * (2.0 * 4 + 4.0) / 5, rel=0.01)
 

@@ -116,6 +116,73 @@ def test_pixels_that_show_the_sky_are_those_whose_rays_miss(make_renderer: Make)
     assert not (sky & ~miss)[100:140, 140:180].any()
 
 
+@pytest.mark.parametrize("supersample", [1, 2])
+def test_pixels_without_depth_are_those_whose_rays_miss(
+    make_renderer: Make, supersample: int
+) -> None:
+    world = globe(129)
+    renderer = make_renderer(world, SIZE, supersample)
+    view = view_state(SPACE, SIZE)
+    renderer.draw(whole_list(world, view), view)
+    empty = renderer.read_empty()
+    differ = empty != (renderer.read_ids() == 0)
+    assert 0.1 < empty.mean() < 0.9
+    # With samples beside the pixel's middle, the rim may be half a pixel wider.
+    assert differ.mean() < (0.004 if supersample == 1 else 0.02)
+    assert not (differ & empty).any()
+    if supersample == 1:
+        assert not differ.any()
+
+
+def test_the_coarse_look_is_the_fine_one_thinned(make_renderer: Make) -> None:
+    renderer, view, _ = draw(make_renderer, globe(129), Pose(0.3, -1.2, 3e5, 1.0, -0.5))
+    ids, distance_m = renderer.read_coarse(5)
+    assert ids.shape == distance_m.shape == (SIZE[1] // 5, SIZE[0] // 5)
+    # Five is odd: the middle of a coarse pixel is the middle of a fine one.
+    fine, points = renderer.read_ids()[2::5, 2::5], renderer.read_positions()[2::5, 2::5]
+    assert (ids == fine).mean() > 0.999
+    assert (np.isinf(distance_m) == (ids == 0)).all()
+    both = (ids == fine) & (ids > 0)
+    assert both.mean() > 0.1
+    truth = np.linalg.norm(points[both] - view.eye, axis=-1)
+    assert np.allclose(distance_m[both], truth, rtol=1e-3)
+
+
+def test_the_backs_of_triangles_are_empty(make_renderer: Make) -> None:
+    eye = np.array([2e7, 0.0, 0.0])
+    world = make_world([plate(int(ROOTS[0]), eye - (1e7, 0, 0), (248, 0, 0))])
+    renderer = make_renderer(world)
+    rotation = np.array(((0, 1, 0), (0, 0, 1), (1, 0, 0)), np.float64)
+    front = ViewState(0.0, Ecef(eye), rotation, 300.0, *SIZE)
+    renderer.draw(whole_list(world, front), front)
+    assert 0 < (~renderer.read_empty()).sum() == (renderer.read_ids() == 1).sum()
+    turned = rotation * np.array(((-1,), (1,), (-1,)))
+    back = ViewState(0.0, Ecef(eye - (1.9e7, 0, 0)), turned, 300.0, *SIZE)
+    world.forests[Lane.TERRAIN].radius_m[:] = 3e7
+    renderer.draw(whole_list(world, back), back)
+    assert renderer.read_empty().all()
+    assert (renderer.read_ids() == 0).all()
+    assert (renderer.read_coarse(4)[0] == 0).all()
+
+
+def test_grain_changes_large_texels_only(make_renderer: Make) -> None:
+    grey = one_colour((120, 124, 120))
+    world = make_world([terrain_tile(int(c), grey, 17) for c in ROOTS])
+    renderer = make_renderer(world)
+    rough = []
+    for height_m in (1e7, 3e4, 300.0):
+        view = view_state(Pose(-2.1, 0.65, height_m, 0.0, -math.pi / 2), SIZE)
+        rgb = []
+        for grain in (0.0, 1.0):
+            renderer.look = replace(PLAIN, grain=grain)
+            renderer.draw(whole_list(world, view), view)
+            rgb.append(renderer.read_rgb().astype(float))
+        assert rgb[0][100:140, 140:180].std(axis=(0, 1)).max() < 1.5
+        rough.append(np.abs(rgb[1] - rgb[0])[100:140, 140:180].std())
+    assert rough[0] < 1.0
+    assert min(rough[1:]) > 2.0
+
+
 def plate(cell: int, centre: np.ndarray, rgb: tuple[int, int, int]) -> TerrainTile:
     """A square of 2,000 km that faces along -x."""
     half = 1e6

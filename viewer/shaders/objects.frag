@@ -1,7 +1,7 @@
-in vec3 seen;
 in vec2 wall;
 flat in vec4 paint;
-flat in vec2 glass;
+flat in vec3 pane;
+flat in vec3 air;
 
 layout(location = 0) out vec4 screen;
 
@@ -14,15 +14,9 @@ vec2 stripes(vec2 x, vec2 width) {
 }
 
 void main() {
-    vec3 colour = paint.rgb;
-    if (paint.a > 0.5) {
-        vec2 grid = vec2(wall.x / 2.9, wall.y / glass.y);
-        vec2 share = stripes(grid, max(fwidth(grid), vec2(0.02)));
-        vec3 pane = vec3(0.10, 0.13, 0.17) * glass.x * picture.w;
-        colour = mix(colour, pane, 0.8 * share.x * share.y);
-        colour *= 0.62 + 0.38 * clamp(wall.y / 3.0, 0.0, 1.0);
-    }
-    vec3 q = eye.xyz + seen * TO_UNIT;
-    float inverse = inversesqrt(dot(q, q));
-    screen = to_screen(hazy(colour, seen, q * inverse, max(1.0 / inverse - 1.0, 0.0)));
+    vec2 share = stripes(wall, max(fwidth(wall), vec2(0.02)));
+    vec3 colour = mix(paint.rgb, pane, 0.8 * paint.a * share.x * share.y);
+    // Walls are darker towards the street.
+    colour *= 1.0 - paint.a * 0.35 * clamp(1.0 - wall.y, 0.0, 1.0);
+    screen = to_screen(colour + air);
 }

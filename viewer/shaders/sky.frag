@@ -23,7 +23,9 @@ void main() {
     vec3 way = way_of_pixel();
     vec3 up;
     float air = air_along(normalize(way * TO_UNIT), up);
-    vec3 t = through(air * zenith.w * 1.8);
+    // exp(-depth * (1, 2.1, 4.2) * 0.062), with one exp: higher air is bluer than haze.
+    float t1 = exp2(-0.0895 * 2.2 * air * zenith.w), t2 = t1 * t1;
+    vec3 t = vec3(t1, t2, t2 * t2);
     float day = daylight(up);
     float near_sun = max(dot(way, sun.xyz), 0.0);
     near_sun *= near_sun; near_sun *= near_sun;

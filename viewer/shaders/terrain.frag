@@ -1,38 +1,71 @@
+// Below 30 km the air's density comes from the vertices. Above (HIGH), a triangle may
+// reach beyond the rim of the globe, so all is made at the pixels, and the sun glints on
+// the sea. Tiles whose texels are seen large get GRAIN.
 layout(binding = 0) uniform sampler2DArray surface;
 
-in vec3 seen;
 in vec2 place;
-in float sea;
 flat in vec4 draw;
+#ifdef HIGH
+in vec3 seen;
+#else
+in vec2 air;
+#endif
 
 layout(location = 0) out vec4 screen;
 
-void main() {
-    float distance_ = length(seen);
-    vec3 q = eye.xyz + seen * TO_UNIT;
-    float inverse = inversesqrt(dot(q, q));
-    vec3 up = q * inverse;
-    float height = max(1.0 / inverse - 1.0, 0.0);
-    vec3 albedo = texture(surface, vec3(place, draw.w)).rgb;
+float wet(vec3 albedo) {
+    return clamp(1.6 * (albedo.b - 1.7 * albedo.r) / (albedo.b + 0.01), 0.0, 1.0) * picture.z;
+}
+
+vec4 ground() {
+    // Albedo, and how much of it is water, by its blueness.
+#ifdef GRAIN
+    vec2 x = dFdx(place), y = dFdy(place);
+    float pixel = sqrt(max(dot(x, x), dot(y, y)));  // of the cell
+    vec2 grains = ground_noise(draw.xy + place * draw.z, pixel * draw.z) * picture.z;
+    float texel_px = 1.0 / (256.0 * pixel);
+    float strength = clamp(0.12 * texel_px - 0.2, 0.0, 1.0);
+    // Large texels are pulled about, so that their rows don't show; not at the edges,
+    // where the neighbour's texels are out of reach.
+    vec2 inside = min(place, 1.0 - place) * 120.0;
+    float pull = strength * min(6.0 / 256.0, 32.0 * pixel);
+    pull *= clamp(min(inside.x, inside.y), 0.0, 1.0);
+    vec2 seen_place = place + grains * pull;
+#else
+    vec2 seen_place = place;
+#endif
+    vec3 albedo = texture(surface, vec3(seen_place, draw.w)).rgb;
     albedo *= albedo;
-    float footprint_m = 2.0 * distance_ / (picture.x * right.w);
-    float grains = ground_grain(draw.xy + place * draw.z, draw.z / 256.0, footprint_m);
-    grains *= 0.35 * picture.z;
-    float water = smoothstep(0.4, 0.9, sea) * smoothstep(0.0, 0.04, albedo.b - albedo.r);
-    albedo *= 1.0 + grains * (1.0 - 0.7 * water);
-    float light = daylight(up) * picture.w;
-    vec3 colour = albedo * light;
-    if (water > 0.0) {
-        vec3 way = seen / distance_;
-        float mu = max(-dot(up, way), 0.0);
-        float grazing = 1.0 - mu;
-        float fresnel = 0.02 + 0.6 * grazing * grazing * grazing * grazing;
-        vec3 mirror = reflect(way, normalize(up + 0.1 * grains * zenith.xyz.yzx));
-        float glint = max(dot(mirror, sun.xyz), 0.0);
-        glint *= glint; glint *= glint; glint *= glint; glint *= glint; glint *= glint;
-        vec3 sky = AIR_LIGHT * vec3(0.35, 0.5, 0.7) * light;
-        colour = mix(colour, sky, fresnel * water);
-        colour += vec3(1.0, 0.93, 0.8) * (0.14 * glint * glint * water * picture.w);
-    }
-    screen = to_screen(hazy(colour, seen, up, height));
+    float water = wet(albedo);
+#ifdef GRAIN
+    albedo *= 1.0 + (0.7 - 0.5 * water) * strength * grains.x;
+#endif
+    return vec4(albedo, water);
+}
+
+void main() {
+    vec4 land = ground();
+#ifdef HIGH
+    vec3 up;
+    float mu;
+    float haze = haze_to(seen, up, mu);
+    float light = daylight(up);
+#else
+    vec2 slope = (2.0 * gl_FragCoord.xy / picture.xy - 1.0) / vec2(right.w, above.w);
+    float distance_ = sqrt(1.0 + dot(slope, slope)) / gl_FragCoord.w;
+    float haze = hazy(distance_ * air.x);
+    float light = air.y;
+    float mu = clamp(eye.w / distance_ - distance_ / (2.0 * EARTH), 0.0, 1.0);
+#endif
+    vec3 colour = mix(land.rgb, MIRRORED_SKY, mirrored(mu) * land.a) * (light * picture.w);
+#ifdef HIGH
+    vec3 halfway = normalize(sun.xyz - normalize(seen));
+    float glint = max(dot(halfway, up), 0.0);
+    glint *= glint; glint *= glint; glint *= glint; glint *= glint; glint *= glint;
+    glint *= glint; glint *= glint;
+    float seldom = clamp(eye.w / 3e5 - 0.1, 0.0, 1.0);
+    colour += vec3(0.95, 0.95, 0.9) * (0.08 * picture.z * seldom * land.a * glint * glint);
+#endif
+    vec3 t = clear_through(haze);
+    screen = to_screen(colour * t + AIR_LIGHT * light * (1.0 - t));
 }

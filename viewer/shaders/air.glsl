@@ -1,16 +1,8 @@
-// Air, sun and the way to the screen. Colours are linear; the screen takes their root,
-// and textures are squared when read, so an unlit texture comes out as it went in.
+// Air and sun. Colours are linear.
 
 const float SCALE_HEIGHT = 8000.0 / EARTH;
 const float SHELL = 5.0 * SCALE_HEIGHT;
-const vec3 AIR_LIGHT = vec3(0.78, 0.88, 1.0);
-
-vec3 through(float depth) {
-    // exp(-depth * (1, 2.1, 4.2) * 0.062), with one exp
-    float t = exp2(-0.0895 * depth);
-    float t2 = t * t;
-    return vec3(t, t2, t2 * t2);
-}
+const vec3 AIR_LIGHT = vec3(0.74, 0.85, 0.98);
 
 float daylight(vec3 up) {
     // Never black: the night side stays readable.
@@ -32,15 +24,23 @@ float air_to(float distance_, float height, float mu) {
     return relative_air(height, start, way);
 }
 
-vec3 hazy(vec3 colour, vec3 seen, vec3 up, float height) {
-    float distance_ = length(seen);
-    float mu = max(-dot(up, seen) / distance_, 0.0);
-    vec3 t = through(air_to(distance_, height, mu) * zenith.w);
-    return colour * t + AIR_LIGHT * daylight(up) * (1.0 - t);
+float hazy(float air) {
+    // Steep views are clearer than air alone, level ones hazier: mist lies low. So the
+    // ground is clear from above and the horizon melts.
+    return air * (0.35 + 0.05 * air + 0.05 * air * air) * zenith.w;
 }
 
-vec4 to_screen(vec3 colour) {
-    vec3 root = sqrt(clamp(colour, 0.0, 1.0));
-    float noise = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
-    return vec4(root + (noise - 0.5) / 255.0, 1.0);
+float haze_to(vec3 seen, out vec3 up, out float mu) {
+    // Haze before a point.
+    float distance_ = length(seen);
+    vec3 q = eye.xyz + seen * TO_UNIT;
+    float inverse = inversesqrt(dot(q, q));
+    up = q * inverse;
+    mu = max(-dot(up, seen) / max(distance_, 1e-3), 0.0);
+    return hazy(air_to(distance_, max(1.0 / inverse - 1.0, 0.0), mu));
+}
+
+vec3 clear_through(float haze) {
+    float t = exp2(-0.12 * haze);
+    return vec3(t, t * t, t * t * t);
 }
