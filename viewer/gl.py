@@ -124,6 +124,7 @@ class Gl:
         self._version = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.c_uint)(
             self.address("glGetString")
         )
+        context.mglo.__enter__()
         current = self._load("eglGetCurrentContext")
         self._current = ctypes.PYFUNCTYPE(ctypes.c_void_p)(current) if current else None
         self._handle = self._current() if self._current else None

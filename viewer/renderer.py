@@ -55,7 +55,7 @@ class Renderer:
     Parameters
     ----------
     forests : the lanes' forests; draw lists name their rows
-    width_px, height_px : of the picture
+    size_px : width and height of the picture
     arena : room for tiles
     supersample : pixels of the drawing along each edge of a pixel of the picture
     context : a moderngl context; without one, a headless one is made
@@ -69,6 +69,7 @@ class Renderer:
         supersample: int = 1,
         context: moderngl.Context | None = None,
     ) -> None:
+        self._owns_context = context is None
         self.gl = Gl(context or gl.open_headless())
         self.forests = forests
         self.size_px, self._supersample = size_px, supersample
@@ -277,14 +278,13 @@ class Renderer:
     def release(self) -> None:
         """Free the GPU's memory; the renderer can't be used afterwards."""
         self.gl.guard()
-        self._target.release()
-        self._probes.release()
-        self.arena.release()
-        for lane in self._lanes.values():
-            lane.release()
+        for part in (self._target, self._probes, self.arena, *self._lanes.values()):
+            part.release()
         self._sky.release()
         grain.release_texture(self.gl, self._grain)
         self._block_buffer.release()
+        if self._owns_context:
+            self.gl.context.release()
 
     def _probe_last(self, divide: int = 1) -> Target:
         """Draw positions and ids of the last frame, once for each size."""

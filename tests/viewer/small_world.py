@@ -38,10 +38,12 @@ def write_city(path: Path) -> int:
             south = LAT_DEG + 1.8 * BLOCK_M * row * metre
             east = west + BLOCK_M * metre / np.cos(np.radians(LAT_DEG))
             north = south + BLOCK_M * metre
-            ring = [[west, south], [east, south], [east, north], [west, north], [west, south]]
+            corners = [[west, south], [east, south], [east, north], [west, north]]
+            ring = [*corners, corners[0]]
             geometry = {"type": "Polygon", "coordinates": [ring]}
             properties = {"height": 10 + (row * col) % 17, "name": f"{row}-{col}"}
-            features.append({"type": "Feature", "properties": properties, "geometry": geometry})
+            feature = {"type": "Feature", "properties": properties}
+            features.append({**feature, "geometry": geometry})
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     return len(features)
 
@@ -66,6 +68,8 @@ def write_path(path: Path, duration_s: float, heights_m: tuple[float, float]) ->
         {"t_s": 0.0, "height_m": heights_m[0], **pose},
         {"t_s": duration_s, "height_m": heights_m[1], **pose},
     ]
-    whole = {"name": path.stem, "duration_s": duration_s, "height_reference": "ground"}
-    path.write_text(json.dumps({**whole, "interpolation": "log_height", "keyframes": frames}))
+    whole: dict[str, object] = {"name": path.stem, "duration_s": duration_s}
+    whole["height_reference"] = "ground"
+    whole |= {"interpolation": "log_height", "keyframes": frames}
+    path.write_text(json.dumps(whole))
     return path

@@ -17,6 +17,7 @@ from tests.viewer.small_world import make_store, write_path
 from tiles.errors import InputError
 from tiles.geodesy import to_geodetic
 from tiles.lanes import Lane
+from tiles.writer import Writer
 from viewer.camera_path import read_path
 from viewer.holes import ObjectHoles, hole_pixels
 from viewer.poses import Flight
@@ -40,7 +41,9 @@ def flown(store: Path) -> tuple[dict[str, Any], Path]:
     return fly(store, PagerSettings(1.0, budget_bytes=128 * MIB), SIZE, run), folder
 
 
-def test_a_paced_flight_lasts_as_long_as_its_path(flown: tuple[dict[str, Any], Path]) -> None:
+def test_a_paced_flight_lasts_as_long_as_its_path(
+    flown: tuple[dict[str, Any], Path],
+) -> None:
     report, folder = flown
     with (folder / "frames.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -164,8 +167,6 @@ def test_a_path_above_ground_follows_the_stored_terrain(store: Path) -> None:
 
 
 def test_a_store_without_terrain_is_refused_in_one_line(tmp_path: Path) -> None:
-    from tiles.writer import Writer
-
     Writer(tmp_path / "empty.geopage").close()
     with pytest.raises(InputError, match="holds no terrain"):
         Session(tmp_path / "empty.geopage", PagerSettings(), SIZE)
