@@ -10,7 +10,10 @@ replaced, never queued.
 `ViewSlot` holds the newest view and the few before it, and wakes whoever waits for it.
 """
 
+import contextlib
+import math
 import threading
+import time
 from collections import deque
 from typing import Generic, TypeVar
 
@@ -45,11 +48,16 @@ class TripleBuffer(Generic[T]):
 
 
 class Signal:
-    """A flag that is raised by anybody and lowered by the one thread that waits."""
+    """A flag that is raised by anybody and lowered by the one thread that waits.
+
+    Raising takes no lock that another thread could hold while it has no core: the
+    renderer raises flags between two frames and must not wait there.
+    """
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
-        self._raised = False
+        self._flag: deque[None] = deque(maxlen=1)
+        self._gate = threading.Lock()
+        self._gate.acquire()
         self._closed = False
 
     def set(self) -> None:
@@ -58,24 +66,32 @@ class Signal:
         What is to be seen must be there before the call: a flag that is already up costs
         nothing, and who lowers it looks afterwards.
         """
-        if self._raised:
-            return
-        with self._changed:
-            if not self._raised:
-                self._raised = True
-                self._changed.notify_all()
+        if not self._flag:
+            self._flag.append(None)
+            self._open()
+
+    def _open(self) -> None:
+        """Let the waiting thread look again; an open gate stays open."""
+        with contextlib.suppress(RuntimeError):
+            self._gate.release()
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait for the flag; True when it is raised and nothing is closed."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._raised or self._closed, timeout_s)
-            return self._raised and not self._closed
+        end = math.inf if timeout_s is None else time.monotonic() + timeout_s
+        while not (self._flag or self._closed):
+            left_s = end - time.monotonic()
+            if left_s <= 0:
+                break
+            self._gate.acquire(timeout=-1 if math.isinf(left_s) else left_s)
+        return bool(self._flag) and not self._closed
 
     def clear(self) -> bool:
         """Lower the flag and say whether it was raised."""
-        with self._changed:
-            was, self._raised = self._raised, False
-            return was
+        try:
+            self._flag.pop()
+        except IndexError:
+            return False
+        return True
 
     @property
     def closed(self) -> bool:
@@ -85,13 +101,12 @@ class Signal:
     @property
     def raised(self) -> bool:
         """Whether there is something to do."""
-        return self._raised
+        return bool(self._flag)
 
     def close(self) -> None:
         """End every wait, now and later."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
+        self._closed = True
+        self._open()
 
 
 class ViewSlot:

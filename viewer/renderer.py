@@ -214,12 +214,6 @@ class Renderer:
         slots = self.arena.slots[lane]
         return cull.Lists(rows, slots, forest.centre, forest.radius_m, forest.records)
 
-    def finish(self) -> None:
-        """Wait until the GPU has done all that was asked of it."""
-        table = CallTable(self.gl, 2)
-        table.add("glFinish")
-        table.run()
-
     def read_rgb(self) -> NDArray[np.uint8]:
         """Return the last frame, (height, width, 3) uint8 sRGB, top row first."""
         n, (width, height) = self._supersample, self.size_px
@@ -278,8 +272,11 @@ class Renderer:
     def release(self) -> None:
         """Free the GPU's memory; the renderer can't be used afterwards."""
         self.gl.guard()
-        for part in (self._target, self._probes, self.arena, *self._lanes.values()):
-            part.release()
+        self._target.release()
+        self._probes.release()
+        self.arena.release()
+        for one in self._lanes.values():
+            one.release()
         self._sky.release()
         grain.release_texture(self.gl, self._grain)
         self._block_buffer.release()
