@@ -14,6 +14,14 @@ def kernel(function: F) -> F:
     return cast("F", numba.njit(nogil=True, cache=True)(function))
 
 
+def brief(function: F) -> F:
+    """Compile a kernel that keeps the GIL: for short calls between two frames.
+
+    Who lets go of the GIL for a tenth of a millisecond may wait longer to get it back.
+    """
+    return cast("F", numba.njit(cache=True)(function))
+
+
 def summing(function: F) -> F:
     """Compile a kernel whose sums may be reordered, so that they use vector instructions.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a draw list and the newest pose to GPU commands, in kernels without the GIL.
+"""From a draw list and the newest pose to GPU commands, in kernels.
 
 A command is what glMultiDrawElementsIndirect reads: index count, instance count, first
 index, base vertex, base instance. Its base instance is the number of its record in the
@@ -25,7 +25,7 @@ from geopage.screen_error import Lens, is_hidden, lens_of, px_per_m
 from geopage.view import ViewState
 from tiles import geodesy
 from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
-from tiles.kernels import inlined, kernel
+from tiles.kernels import brief, inlined
 from tiles.terrain import TEXTURE_SIDE
 from viewer.slots import PATCH_M
 
@@ -60,7 +60,7 @@ def eye_of(view: ViewState) -> Eye:
     return Eye(lens_of(view), planes, (lon, lat, height_m))
 
 
-@kernel
+@brief
 def is_visible(centre: NDArray[np.float64], radius_m: float, eye: Eye) -> bool:
     """Say whether a sphere may be in the picture: in its pyramid, before the horizon."""
     x, y = centre[0] - eye.lens.eye[0], centre[1] - eye.lens.eye[1]
@@ -72,7 +72,7 @@ def is_visible(centre: NDArray[np.float64], radius_m: float, eye: Eye) -> bool:
     return not is_hidden(eye.lens, x, y, z, radius_m)
 
 
-@kernel
+@brief
 def distance_to_box(box_rad: NDArray[np.float64], max_height_m: float, eye: Eye) -> float:
     """Return a distance, m, that nothing in a cell's box is nearer than.
 
@@ -165,7 +165,7 @@ class Lists(NamedTuple):
     records: NDArray[np.void]
 
 
-@kernel
+@brief
 def cull_terrain(
     lists: Lists, skirt_m: NDArray[np.float32], eye: Eye, picture_px: float, room: Room
 ) -> tuple[int, int, float, int]:
@@ -210,7 +210,7 @@ def cull_terrain(
     return n, triangles, error_sum / area_sum, grained
 
 
-@kernel
+@brief
 def _count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> int:
     """Return how many of a tile's own objects are larger, by bisection."""
     low, high = slot["pool_start"], slot["pool_start"] + slot["pool_count"]
@@ -223,7 +223,7 @@ def _count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> i
     return int(low - slot["pool_start"])
 
 
-@kernel
+@brief
 def cull_objects(
     lists: Lists,
     parts: tuple[NDArray[np.bool_], NDArray[np.uint8], NDArray[np.void]],

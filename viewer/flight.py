@@ -4,6 +4,7 @@
 import gc
 import time
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +14,7 @@ from geopage.draw_list import DrawList
 from geopage.view import ViewState
 from tiles.geodesy import to_geodetic
 from viewer import gil
-from viewer.memory import preempted_ns, resident_bytes
+from viewer.memory import Preemption, resident_bytes
 from viewer.poses import Flight
 from viewer.renderer import FrameStats
 from viewer.session import Session
@@ -80,10 +81,10 @@ def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording
     for _ in range(WARM_FRAMES):
         renderer.draw(pager.draw_list(), flight.view(0.0))
     recording.settle_s = time.perf_counter() - start_s
-    with quiet_collector(), gil.interval(gil.KEEP_S):
+    with quiet_collector(), gil.interval(gil.KEEP_S), closing(Preemption()) as preemption:
         start_s = time.perf_counter()
         while (now_s := time.perf_counter() - start_s) < flight.path.duration_s:
-            clock = FrameClock()
+            clock = FrameClock(preemption)
             view = flight.view(now_s)
             drawn = pager.draw_list()
             before_ns = time.perf_counter_ns()
@@ -126,8 +127,9 @@ class FrameClock:
     system gave the core to somebody else. Linux counts the latter.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, preemption: Preemption | None = None) -> None:
         self.start_ns = time.perf_counter_ns()
+        self._preemption = preemption
         self._spent_ns = np.zeros(3, np.int64)
         self.resume()
 
@@ -140,9 +142,9 @@ class FrameClock:
         now = self._now()
         self._spent_ns += np.array(now, np.int64) - np.array(self._from, np.int64)
 
-    @staticmethod
-    def _now() -> tuple[int, int, int]:
-        return time.perf_counter_ns(), time.thread_time_ns(), preempted_ns()
+    def _now(self) -> tuple[int, int, int]:
+        preempted_ns = self._preemption.ns() if self._preemption else 0
+        return time.perf_counter_ns(), time.thread_time_ns(), preempted_ns
 
     def stood_still_ms(self) -> tuple[float, float]:
         """Return the time that the thread waited, and that it was ready without a core."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the operating system counts: memory, and time without a core."""
 
+import ctypes
 import os
 import sys
 from pathlib import Path
@@ -21,10 +22,25 @@ def resident_bytes() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
-def preempted_ns() -> int:
-    """Return how long this thread has been ready to run without a core; 0 if not known."""
-    try:
-        with SCHEDSTAT.open("rb", buffering=0) as file:
-            return int((file.read(64) or b"0 0").split()[1])
-    except OSError:
-        return 0
+class Preemption:
+    """How long the thread that made this has been ready to run without a core.
+
+    Reading it keeps the GIL: a frame that measures its waits must not make some.
+    """
+
+    def __init__(self) -> None:
+        self._file = SCHEDSTAT.open("rb", buffering=0) if SCHEDSTAT.exists() else None
+        self._text = ctypes.create_string_buffer(64)
+        self._pread = ctypes.PyDLL(None).pread if self._file else None
+
+    def ns(self) -> int:
+        """Return the time so far, 0 where the system doesn't tell."""
+        if self._pread is None or self._file is None:
+            return 0
+        size = self._pread(self._file.fileno(), self._text, 63, 0)
+        return int(self._text.raw[: max(size, 0)].split()[1]) if size > 0 else 0
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file:
+            self._file.close()
