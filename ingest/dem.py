@@ -76,7 +76,9 @@ def open_raster(path: str | Path) -> rasterio.DatasetReader:
 
 def unreadable(path: str | Path, error: Exception) -> InputError:
     """Say in one line why GDAL can't read a file."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
+    # rasterio's own message may only point to GDAL's, which says what is wrong.
+    found = error.__cause__ or error
+    reason = (str(found).splitlines() or [type(found).__name__])[0]
     reason = reason.replace(f"'{path}'", "it").replace(str(path), "it").rstrip(".")
     advice = "give a GeoTIFF, HGT or VRT file"
     return InputError(path, f"can't be read as a raster ({reason})", advice)

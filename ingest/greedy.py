@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from tiles.frames import Floats
 from tiles.kernels import kernel
 
+CHUNK = 64
+"""Triangles whose largest error is kept together, so that few are looked at again."""
+
 
 def simplify(
     posts: Floats, bound_m: float
@@ -107,6 +110,13 @@ def _worst(posts: Floats, side: int, a: int, b: int, c: int) -> tuple[int, float
 
 
 @kernel
+def _mark(dirty: NDArray[np.bool_], capacity: int, t: int) -> None:
+    """Note that triangle t, and so its chunk, must be measured again."""
+    dirty[t] = True
+    dirty[capacity + t // CHUNK] = True
+
+
+@kernel
 def _legalise(
     corner: NDArray[np.int64],
     opposite: NDArray[np.int64],
@@ -135,7 +145,8 @@ def _legalise(
         b1, b2 = opposite[3 * tb + (kb + 1) % 3], opposite[3 * tb + (kb + 2) % 3]
         _set(corner, opposite, ta, (top, right, far), (a2, b1, -1))
         _set(corner, opposite, tb, (far, left, top), (b2, a1, 3 * ta + 2))
-        dirty[ta] = dirty[tb] = True
+        _mark(dirty, len(corner), ta)
+        _mark(dirty, len(corner), tb)
         stack[depth] = 3 * ta + 1
         stack[depth + 1] = 3 * tb
         depth += 2
@@ -189,6 +200,31 @@ def _edge_under(corner: NDArray[np.int64], side: int, t: int, p: int) -> int:
 
 
 @kernel
+def _measure(
+    posts: Floats,
+    side: int,
+    corner: NDArray[np.int64],
+    dirty: NDArray[np.bool_],
+    candidate: NDArray[np.int64],
+    worst: Floats,
+    peak: Floats,
+) -> None:
+    """Find the worst post of every triangle that changed, and the worst of its chunk."""
+    capacity = len(corner)
+    for chunk in range(len(peak)):
+        if not dirty[capacity + chunk]:
+            continue
+        dirty[capacity + chunk] = False
+        peak[chunk] = 0.0
+        for t in range(chunk * CHUNK, min((chunk + 1) * CHUNK, capacity)):
+            if dirty[t]:
+                a, b, c = corner[t]
+                candidate[t], worst[t] = _worst(posts, side, a, b, c)
+                dirty[t] = False
+            peak[chunk] = max(peak[chunk], worst[t])
+
+
+@kernel
 def _refine(
     posts: Floats,
     side: int,
@@ -203,17 +239,16 @@ def _refine(
     count = 2
     capacity = len(corner)
     worst = np.zeros(capacity)
+    peak = np.zeros(capacity // CHUNK + 1)
     candidate = np.zeros(capacity, np.int64)
-    dirty = np.zeros(capacity, np.bool_)
-    dirty[:2] = True
+    dirty = np.zeros(capacity + len(peak), np.bool_)
+    _mark(dirty, capacity, 0)
+    _mark(dirty, capacity, 1)
     stack = np.zeros(3 * capacity + 8, np.int64)
     while True:
-        for t in range(count):
-            if dirty[t]:
-                a, b, c = corner[t]
-                candidate[t], worst[t] = _worst(posts, side, a, b, c)
-                dirty[t] = False
-        t = int(np.argmax(worst[:count]))
+        _measure(posts, side, corner, dirty, candidate, worst, peak)
+        chunk = int(np.argmax(peak)) * CHUNK
+        t = chunk + int(np.argmax(worst[chunk : chunk + CHUNK]))
         if worst[t] <= bound_m:
             return count
         p = candidate[t]
@@ -229,7 +264,7 @@ def _refine(
             s = before + n if n >= 0 else (t if n == -2 else other)
             if s < 0:
                 continue
-            dirty[s] = True
+            _mark(dirty, capacity, s)
             for k in range(3):
                 if corner[s, (k + 2) % 3] == p:
                     stack[depth] = 3 * s + k

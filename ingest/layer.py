@@ -15,8 +15,12 @@ from ingest.raster_blocks import BLOCK, Blocks, level_count, level_shape
 from ingest.sampling import bilinear_rgb, triangulated
 from tiles import cells
 from tiles.frames import Floats
+from tiles.kernels import kernel
 
 POLAR_DEG = 89.9999
+RADIAN_M = 6.36e6
+"""A little less than the earth's radius, so that margins are wide enough."""
+ROUNDING = 1e-12
 
 
 class Layer:
@@ -70,13 +74,7 @@ class Layer:
         self, lon_rad: Floats, lat_rad: Floats, margin_m: float = 0.0
     ) -> NDArray[np.bool_]:
         """Say which places are within a margin of the raster's bounding box."""
-        west, south, east, north = self.bounds_deg
-        lat_deg, margin_deg = np.degrees(lat_rad), margin_m / 111e3
-        wide = margin_deg / np.maximum(np.cos(lat_rad), 0.01)
-        middle, half = (west + east) / 2, (east - west) / 2
-        off_deg = np.abs((np.degrees(lon_rad) - middle + 180.0) % 360.0 - 180.0)
-        inside = (lat_deg >= south - margin_deg) & (lat_deg <= north + margin_deg)
-        return np.asarray(inside & (off_deg <= half + wide))
+        return _near(lon_rad, lat_rad, np.radians(self.bounds_deg), margin_m / RADIAN_M)
 
     def heights(
         self, lon_rad: Floats, lat_rad: Floats, step_m: float, sea: Floats | None = None
@@ -231,6 +229,22 @@ class Layer:
         """Return the height of the datum's zero surface at columns and rows."""
         places = self._places(col.ravel().astype(float), row.ravel().astype(float))
         return undulation_m(self.datum, *places).reshape(col.shape)
+
+
+@kernel
+def _near(
+    lon_rad: Floats, lat_rad: Floats, box_rad: Floats, margin_rad: float
+) -> NDArray[np.bool_]:
+    """Say which places, (n,), are in a box or within a margin of it."""
+    middle, half = (box_rad[0] + box_rad[2]) / 2, (box_rad[2] - box_rad[0]) / 2 + ROUNDING
+    low, high = box_rad[1] - margin_rad - ROUNDING, box_rad[3] + margin_rad + ROUNDING
+    out = np.zeros(len(lon_rad), np.bool_)
+    for i in range(len(lon_rad)):
+        if low <= lat_rad[i] <= high:
+            turns = (lon_rad[i] - middle) / (2.0 * np.pi)
+            off = abs(turns - np.floor(turns + 0.5)) * 2.0 * np.pi
+            out[i] = off <= half or off - half <= margin_rad / max(np.cos(lat_rad[i]), 0.01)
+    return out
 
 
 @dataclass(frozen=True, slots=True)

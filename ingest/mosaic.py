@@ -25,6 +25,7 @@ from tiles.frames import Floats
 from tiles.geodesy import to_ecef
 from tiles.kernels import summing
 
+CHUNK = 32
 RIM_POSTS = 4000
 """A longer rim is thinned to this many posts."""
 
@@ -38,6 +39,8 @@ class Rim:
     """(3,) ECEF m"""
     foot: NDArray[np.float32]
     """(3, n) places on the rim around `middle`, ECEF axes, at height 0"""
+    balls: NDArray[np.float32]
+    """(4, n / CHUNK) centres and radii of balls around the posts, CHUNK by CHUNK"""
     delta_m: NDArray[np.float32]
     """(n,) finer minus coarser surface there"""
 
@@ -111,20 +114,34 @@ class Mosaic:
         foot = to_ecef(lon, lat, 0.0)
         middle = foot.mean(axis=0)
         near = np.ascontiguousarray((foot - middle).T, np.float32)
-        return Rim(feather_m, middle, near, (fine - coarse).astype(np.float32))
+        delta_m = (fine - coarse).astype(np.float32)
+        return Rim(feather_m, middle, near, balls_of(near), delta_m)
+
+
+def balls_of(foot: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return balls, (4, m), that hold CHUNK places each; neighbours lie side by side."""
+    chunks = [foot[:, k : k + CHUNK] for k in range(0, foot.shape[1], CHUNK)]
+    centre = np.stack([chunk.mean(axis=1) for chunk in chunks], axis=1)
+    reach = [
+        np.linalg.norm(chunk - centre[:, [k]], axis=0).max()
+        for k, chunk in enumerate(chunks)
+    ]
+    return np.concatenate([centre, [reach]]).astype(np.float32)
 
 
 def bend(rim: Rim, lon_rad: Floats, lat_rad: Floats) -> Floats:
     """Return what the delta surface adds to the coarser surface, (n,) m."""
     out = np.zeros(len(lon_rad), np.float32)
     places = (to_ecef(lon_rad, lat_rad, 0.0) - rim.middle).astype(np.float32)
-    _weighted(rim.foot, rim.delta_m, places, np.float32(rim.feather_m), out)
+    feather_m = np.float32(rim.feather_m)
+    _weighted(rim.foot, rim.balls, rim.delta_m, places, feather_m, out)
     return out.astype(np.float64)
 
 
 @summing
 def _weighted(
     rim: NDArray[np.float32],
+    balls: NDArray[np.float32],
     delta: NDArray[np.float32],
     places: NDArray[np.float32],
     feather_m: np.float32,
@@ -134,7 +151,7 @@ def _weighted(
     one, tiny = np.float32(1.0), np.float32(1e-6)
     for i in range(len(places)):
         x, y, z = places[i, 0], places[i, 1], places[i, 2]
-        nearest = _nearest(rim, x, y, z)
+        nearest = _nearest(rim, balls, x, y, z)
         t = np.sqrt(nearest) / feather_m
         if t >= one:
             continue
@@ -150,15 +167,22 @@ def _weighted(
 
 @summing
 def _nearest(
-    rim: NDArray[np.float32], x: np.float32, y: np.float32, z: np.float32
+    rim: NDArray[np.float32],
+    balls: NDArray[np.float32],
+    x: np.float32,
+    y: np.float32,
+    z: np.float32,
 ) -> np.float32:
-    """Squared distance to the nearest post; four chains, as a lone minimum is slow."""
-    a = b = c = d = np.float32(1e30)
-    count = rim.shape[1]
-    for j in range(0, count, 4):
-        k, m, n = min(j + 1, count - 1), min(j + 2, count - 1), min(j + 3, count - 1)
-        a = min(a, (x - rim[0, j]) ** 2 + (y - rim[1, j]) ** 2 + (z - rim[2, j]) ** 2)
-        b = min(b, (x - rim[0, k]) ** 2 + (y - rim[1, k]) ** 2 + (z - rim[2, k]) ** 2)
-        c = min(c, (x - rim[0, m]) ** 2 + (y - rim[1, m]) ** 2 + (z - rim[2, m]) ** 2)
-        d = min(d, (x - rim[0, n]) ** 2 + (y - rim[1, n]) ** 2 + (z - rim[2, n]) ** 2)
-    return min(a, b, c, d)
+    """Squared distance to the nearest post; balls that can't hold it are passed over."""
+    best = np.float32(1e30)
+    reach = np.float32(1e15)
+    for k in range(balls.shape[1]):
+        dx, dy, dz = x - balls[0, k], y - balls[1, k], z - balls[2, k]
+        limit = reach + balls[3, k]
+        if dx * dx + dy * dy + dz * dz > limit * limit:
+            continue
+        for j in range(k * CHUNK, min((k + 1) * CHUNK, rim.shape[1])):
+            dx, dy, dz = x - rim[0, j], y - rim[1, j], z - rim[2, j]
+            best = min(best, dx * dx + dy * dy + dz * dz)
+        reach = np.sqrt(best)
+    return best

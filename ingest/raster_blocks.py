@@ -67,7 +67,7 @@ def copy_in(
         strip = _picture(dataset, window) if picture else _posts(dataset, window, unit_m)
         any_data |= picture or bool(np.isfinite(strip).any())
         _write_strip(connection, source, 0, top // BLOCK, strip)
-        progress(done + 1, len(rows), f"reading {source.split('@')[0]}")
+        progress(done + 1, len(rows), f"reading {source.split('@', maxsplit=1)[0]}")
     blocks = Blocks(connection, source, (height, width))
     for level in range(1, level_count(width, height)):
         _halve_level(connection, blocks, level)

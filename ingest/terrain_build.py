@@ -6,10 +6,10 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -159,11 +159,29 @@ def run(jobs: list[Job], workers: int) -> Generator[MadePart]:
 
 def submitted(pool: ProcessPoolExecutor, jobs: list[Job]) -> list[Future[MadePart]]:
     """Start the workers, deaf to Ctrl-C: the parent hears it and ends them."""
-    heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    with interrupts_held():
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return [pool.submit(make_part, job) for job in jobs]
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Put off Ctrl-C: a worker whose start is broken off would print a traceback."""
+    held: list[int] = []
     try:
-        return [pool.submit(make_part, job) for job in jobs]
+        before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    except ValueError:  # not the main thread: Ctrl-C does not come here
+        yield
+        return
+    try:
+        yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+        signal.signal(signal.SIGINT, before)
+    if held:
+        raise KeyboardInterrupt
 
 
 def die_with_parent() -> None:

@@ -4,11 +4,13 @@
 from functools import cache
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pyproj
 import rasterio
 from numpy.typing import NDArray
+from rasterio.errors import NotGeoreferencedWarning
 from rasterio.transform import Affine
 from rasterio.warp import transform_bounds
 
@@ -35,15 +37,26 @@ def write(
 ) -> Path:
     """Write (h, w) or (bands, h, w) posts as a GeoTIFF."""
     bands = posts if posts.ndim == 3 else posts[None]
-    profile: dict[str, Any] = {"driver": "GTiff", "count": len(bands), "dtype": posts.dtype, "crs": crs}
+    profile: dict[str, Any] = {
+        "driver": "GTiff",
+        "count": len(bands),
+        "dtype": posts.dtype,
+        "crs": crs,
+    }
     profile |= {"height": bands.shape[1], "width": bands.shape[2], "nodata": nodata}
     if transform is not None:
         profile["transform"] = transform
-    with rasterio.open(path, "w", **profile) as out:
+    with catch_warnings(), open_without_place(path, profile) as out:
         out.write(bands)
         for key, value in more.items():
             setattr(out, key, value)
     return path
+
+
+def open_without_place(path: Path, profile: dict[str, Any]) -> Any:
+    """Open for writing; a missing georeference is meant."""
+    simplefilter("ignore", NotGeoreferencedWarning)
+    return rasterio.open(path, "w", **profile)
 
 
 def north_up(west: float, north: float, step: float) -> Affine:
@@ -112,13 +125,14 @@ def source_height_m(path: Path, lon_deg: Floats, lat_deg: Floats) -> Floats:
     return np.asarray(np.where(inside, np.where(fx > fy, east, south), np.nan))
 
 
-def places_in(
-    path: Path, count: int, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
+def places_in(path: Path, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Return random longitudes and latitudes (degrees) at which a file holds data."""
     with rasterio.open(path) as dataset:
         box = transform_bounds(dataset.crs, 4326, *dataset.bounds)
-    lon, lat = rng.uniform(box[0], box[2], 4 * count), rng.uniform(box[1], box[3], 4 * count)
+    lon, lat = (
+        rng.uniform(box[0], box[2], 4 * count),
+        rng.uniform(box[1], box[3], 4 * count),
+    )
     known = np.flatnonzero(np.isfinite(source_height_m(path, lon, lat)))[:count]
     assert len(known) == count
     return lon[known], lat[known]

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a raster lies, in any CRS, and which files are not opened at all."""
+
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+
+from ingest.dem import RasterInfo, describe, is_lon_lat, open_raster
+from tests.ingest.rasters import hills, north_up, write
+from tiles.errors import InputError
+
+POSTS = hills((20, 40), 1.0, 100.0)
+
+
+def info_of(path: Path, crs: str | None = None) -> RasterInfo:
+    with open_raster(path) as dataset:
+        return describe(path, dataset, crs)
+
+
+def test_bounds_and_size_are_the_files(tmp_path: Path) -> None:
+    info = info_of(
+        write(tmp_path / "a.tif", POSTS, north_up(11, 46, 0.01), "EPSG:4326", -7)
+    )
+    assert info.bounds_deg == pytest.approx((11, 45.8, 11.4, 46))
+    assert (info.width, info.height, info.bands, info.nodata) == (40, 20, 1, -7)
+    assert not info.wraps
+
+
+def test_bounds_of_a_projected_file_hold_all_its_posts(tmp_path: Path) -> None:
+    where = north_up(6.2e5, 5.1e6, 2000.0)
+    info = info_of(write(tmp_path / "a.tif", POSTS, where, "EPSG:32632"))
+    back = pyproj.Transformer.from_crs(32632, 4326, always_xy=True)
+    x, y = np.meshgrid(6.2e5 + 2000 * np.arange(41), 5.1e6 - 2000 * np.arange(21))
+    lon, lat = back.transform(x, y)
+    west, south, east, north = info.bounds_deg
+    assert west <= lon.min() <= lon.max() <= east
+    assert south <= lat.min() + 1e-4
+    assert lat.max() <= north + 1e-4
+
+
+def test_a_file_over_the_antimeridian_reaches_beyond_180(tmp_path: Path) -> None:
+    where = north_up(2_800_000.0, 6_000_000.0, 30_000.0)
+    info = info_of(write(tmp_path / "a.tif", POSTS, where, "EPSG:3832"))  # PDC Mercator
+    west, _, east, _ = info.bounds_deg
+    assert west < 180 < east < west + 360
+
+
+def test_a_file_over_the_pole_reaches_it(tmp_path: Path) -> None:
+    posts = hills((40, 40), 1.0, 10.0)
+    info = info_of(write(tmp_path / "a.tif", posts, north_up(-1e5, 1e5, 5000), "EPSG:3413"))
+    west, south, east, north = info.bounds_deg
+    assert north == pytest.approx(90)
+    assert east - west == pytest.approx(360)
+    assert south < 89.2
+
+
+def test_a_globe_wraps(tmp_path: Path) -> None:
+    posts = hills((18, 36), 1.0, 10.0)
+    assert info_of(write(tmp_path / "a.tif", posts, north_up(0, 90, 10), "EPSG:4326")).wraps
+    part = write(tmp_path / "b.tif", posts, north_up(0, 90, 5), "EPSG:4326")
+    assert not info_of(part).wraps
+
+
+def test_a_stated_crs_replaces_the_files(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", POSTS, north_up(6.2e5, 5.1e6, 200.0), None)
+    assert (
+        info_of(path, "EPSG:32633").bounds_deg[0]
+        > info_of(path, "EPSG:32632").bounds_deg[0]
+    )
+
+
+def test_a_compound_system_keeps_its_horizontal_part(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", POSTS, north_up(11, 46, 0.01), "EPSG:4326")
+    assert pyproj.CRS(info_of(path, "EPSG:9707").crs).to_epsg() == 4326
+
+
+@pytest.mark.parametrize(
+    ("code", "plain"),
+    [(4326, True), (4979, True), (4258, True), (4269, True), (4267, False), (4807, False),
+     (32632, False), (4978, False)],
+)  # fmt: skip
+def test_only_degrees_on_the_ellipsoid_of_wgs84_are_taken_as_they_are(
+    code: int,
+    plain: bool,  # noqa: FBT001 - a table of cases
+) -> None:
+    assert is_lon_lat(pyproj.CRS.from_epsg(code)) is plain
+
+
+def test_complex_numbers_are_no_heights(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", POSTS.astype(np.complex64), north_up(1, 2, 0.1), None)
+    with pytest.raises(InputError, match="complex"):
+        open_raster(path)
+
+
+def test_a_message_is_one_line_however_gdal_puts_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    path.write_bytes(b"II*\0" + bytes(100))
+    with pytest.raises(InputError) as refusal:
+        open_raster(path)
+    assert len(str(refusal.value).splitlines()) == 1
