@@ -2,10 +2,11 @@
 """The demo: sample world in, pictures, film, report, chart and page out."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
-from geopage.cli import find
 from geopage.settings import PagerSettings
 from tiles.errors import InputError
 from tiles.samples import PATHS, SAMPLES
@@ -80,17 +81,24 @@ def make_demo(out: Path) -> None:
 
 
 def ingest_samples(store: Path) -> None:
-    """Ingest what the store does not hold yet."""
-    ingest = find("ingest")
-    if ingest is None:
-        raise InputError("geopage ingest", "is not installed", "install geopage again")
+    """Ingest what the store does not hold yet, each step in a process of its own.
+
+    What reading elevation models and footprints takes of memory is then given back
+    before anything is flown and measured.
+    """
     have: set[str] = set()
     if store.exists():
         with Store(store) as reader:
             have = {source["name"] for source in reader.sources()}
     for kind, files, options in STEPS:
         missing = [str(SAMPLES / file) for file in files if file.split(".")[0] not in have]
-        if missing and ingest([kind, str(store), *missing, *options]):
+        words = ["ingest", kind, str(store), *missing, *options]
+        if (
+            missing
+            and subprocess.run(
+                [sys.executable, "-m", "geopage", *words], check=False
+            ).returncode
+        ):
             raise InputError(
                 store, "the sample world was not ingested", "remove it, try again"
             )
