@@ -29,7 +29,7 @@ def read_report(run: Path) -> Json:
         )
     try:
         report: Json = json.loads(path.read_text())
-        float(report["frames"]["p50_ms"]), float(report["screen_error_px"]["p95"])
+        float(report["frames"]["p50_ms"]), float(report["screen_error_px"]["p50"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             path, f"is not a flight's report ({error})", "fly again"
@@ -75,7 +75,7 @@ def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
     axes.set_yscale("log")
     _plain_ticks(axes)
     axes.set_xlabel("frame time, ms (dot: median, bar to the 99th percentile)")
-    axes.set_ylabel("screen error known to the selection, px (95th percentile of frames)")
+    axes.set_ylabel("screen error known to the selection, px (median of frames)")
     first = reports[0]
     size = "x".join(str(n) for n in first["settings"]["size_px"])
     axes.set_title(
@@ -94,7 +94,7 @@ def _curve(axes: Any, name: str, runs: list[Json], colour: str) -> None:
     runs = sorted(runs, key=lambda run: run["settings"]["threshold_px"])
     x = np.array([run["frames"]["p50_ms"] for run in runs])
     worst = np.array([run["frames"]["p99_ms"] for run in runs])
-    y = np.array([run["screen_error_px"]["p95"] for run in runs])
+    y = np.array([run["screen_error_px"]["p50"] for run in runs])
     floor = [run["floor"]["frame_p50_ms"] for run in runs]
     axes.hlines(y, x, np.maximum(worst, x), color=colour, lw=1, alpha=0.5)
     axes.plot(x, y, "o-", color=colour, label=name)
