@@ -43,7 +43,7 @@ def write_page(folder: Path, page: Page) -> None:
     """Write index.html."""
     parts = [
         f"<h1>{escape(page.title)}</h1><p class=lead>{escape(page.lead)}</p>",
-        _film(page.film),
+        _film(page.film, page.pictures[-1][0] if page.pictures else None),
         _gallery(page.pictures),
         _sources(page.sources),
         figures(page.report),
@@ -59,10 +59,11 @@ def write_page(folder: Path, page: Page) -> None:
     (folder / "index.html").write_text(text + "\n")
 
 
-def _film(path: str | None) -> str:
+def _film(path: str | None, still: str | None) -> str:
     if not path:
         return ""
-    return f'<video controls muted loop playsinline src="{escape(path)}"></video>'
+    poster = f' poster="{escape(still)}"' if still else ""
+    return f'<video controls muted loop playsinline{poster} src="{escape(path)}"></video>'
 
 
 def _gallery(pictures: Sequence[tuple[str, str]]) -> str:
@@ -95,8 +96,9 @@ def _about(source: Json) -> str:
         )
     if "datum" in source:
         parts.append(f"heights above {source['datum']}")
-    if "stored" in source:
-        parts.append(f"{source['stored']:,} of {source['read']:,} footprints")
+    if "report" in source:
+        counts = source["report"]
+        parts.append(f"{counts['stored']:,} of {counts['read']:,} footprints stored")
     return "; ".join(parts)
 
 
