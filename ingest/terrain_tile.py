@@ -12,7 +12,6 @@ from ingest.mosaic import Mosaic
 from ingest.surface_texture import colours
 from ingest.terrain_mesh import Lattice, Surface, build_surface, lattice_of, lattice_places
 from tiles import cells, geodesy
-from tiles.frames import Ecef
 from tiles.terrain import TEXTURE_SIDE, TerrainTile
 
 from . import bc1
@@ -118,9 +117,3 @@ def tile_of(cell: int, painted: Painted, error_m: float, *, leaf: bool) -> Terra
     surface = painted.surface
     count = 3 * len(surface.triangles)
     return TerrainTile(cell, surface.mesh, count, error_m, texel_m, painted.texture)
-
-
-def centre_heights(points: Ecef) -> tuple[float, float]:
-    """Return the lowest and highest height above the ellipsoid of points."""
-    height = geodesy.to_geodetic(points)[2]
-    return float(np.min(height)), float(np.max(height))

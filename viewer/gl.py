@@ -168,11 +168,6 @@ class Gl:
             self._functions[name] = function
         return int(function(*arguments))
 
-    def call_float(self, name: str, *arguments: float) -> None:
-        """Make one short call whose arguments are all 32-bit floats."""
-        words = [ctypes.c_float] * len(arguments)
-        ctypes.PYFUNCTYPE(None, *words)(self.address(name))(*arguments)
-
     def create(self, name: str, *before: int) -> int:
         """Return the new object of one of the glCreate... calls."""
         made = np.zeros(1, np.uint32)
