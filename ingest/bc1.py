@@ -2,7 +2,9 @@
 """Colours to BC1 (DXT1) blocks with mip levels: what the GPU samples, 4 bits a texel.
 
 Range fit: the block's end points are the extremes along its principal axis, slightly
-drawn in; each texel takes the nearest of the four colours.
+drawn in; each texel takes the nearest of the four colours on that line. A block of
+nearly one colour takes the two end points whose third comes closest to it, so that open
+sea and plains show no steps of the 5-6-5 bit end points.
 
 References
 ----------
@@ -12,11 +14,37 @@ Brown 2006, DXT Compression Techniques (range fit).
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles.kernels import kernel
-from tiles.terrain import MIP_SIDES
+from tiles.kernels import inlined, summing
+from tiles.terrain import MIP_SIDES, TEXTURE_BYTES
+
+Picture = NDArray[np.float32]
+PLAIN = np.float32(2.0)
+"""A block whose colours reach no further than this along their axis is of one colour."""
+ZERO, HALF, ONE, TWO, THREE = (np.float32(k) for k in (0.0, 0.5, 1.0, 2.0, 3.0))
+SIXTEENTH, QUARTER, TOP = np.float32(1 / 16), np.float32(0.25), np.float32(255)
+SPAN_5, SPAN_6 = np.float32(255 / 31), np.float32(255 / 63)
+CODES = np.array([1, 3, 2, 0])
+"""BC1's code of each third of the way from the second end point to the first."""
 
 
-def encode(picture: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _thirds(bits: int) -> NDArray[np.int64]:
+    """Return, for each value, the ends (first, second) whose (2 first + second) / 3 fits.
+
+    Of those that fit equally well, the closest: decoders round differently.
+    """
+    top = (1 << bits) - 1
+    shown = np.arange(top + 1) * (255.0 / top)
+    third = (2.0 * shown[:, None] + shown) / 3.0
+    apart = np.abs(shown[:, None] - shown) * 0.01
+    gap = np.abs(np.arange(256)[:, None, None] - third) + apart
+    best = gap.reshape(256, -1).argmin(axis=1)
+    return np.stack([best // (top + 1), best % (top + 1)], axis=1)
+
+
+THIRDS_5, THIRDS_6 = _thirds(5), _thirds(6)
+
+
+def encode(picture: Picture) -> NDArray[np.uint8]:
     """Compress a square picture and its halvings.
 
     Parameters
@@ -27,103 +55,138 @@ def encode(picture: NDArray[np.float32]) -> NDArray[np.uint8]:
     -------
     (TEXTURE_BYTES,) uint8, finest level first
     """
-    levels = []
+    out = np.empty(TEXTURE_BYTES // 8, np.int64)
+    start = 0
     for side in MIP_SIDES:
         if side != picture.shape[0]:
-            half = picture.reshape(side, 2, side, 2, 3)
-            picture = half.mean(axis=(1, 3))
-        levels.append(_blocks(np.ascontiguousarray(picture, np.float32)))
-    return np.concatenate(levels).view(np.uint8)
+            picture = _halved(picture)
+        _blocks(picture, out[start:])
+        start += (side // 4) ** 2
+    return out.view(np.uint8)
 
 
-@kernel
-def _pack565(colour: NDArray[np.float32]) -> int:
-    r = int(min(max(colour[0], 0.0), 255.0) * 31.0 / 255.0 + 0.5)
-    g = int(min(max(colour[1], 0.0), 255.0) * 63.0 / 255.0 + 0.5)
-    b = int(min(max(colour[2], 0.0), 255.0) * 31.0 / 255.0 + 0.5)
-    return (r << 11) | (g << 5) | b
-
-
-@kernel
-def _unpack565(packed: int, out: NDArray[np.float32]) -> None:
-    out[0] = (packed >> 11) * 255.0 / 31.0
-    out[1] = ((packed >> 5) & 63) * 255.0 / 63.0
-    out[2] = (packed & 31) * 255.0 / 31.0
-
-
-@kernel
-def _axis(texels: NDArray[np.float32], mean: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Principal axis of 16 colours by four power iterations on their covariance."""
-    covariance = np.zeros((3, 3), np.float32)
-    for i in range(16):
-        for j in range(3):
+@summing
+def _halved(picture: Picture) -> Picture:
+    """Average 2 x 2 texels."""
+    side = picture.shape[0] // 2
+    out = np.empty((side, side, 3), np.float32)
+    for r in range(side):
+        for c in range(side):
             for k in range(3):
-                covariance[j, k] += (texels[i, j] - mean[j]) * (texels[i, k] - mean[k])
-    axis = np.array([0.6, 0.6, 0.5], np.float32)
-    for _ in range(4):
-        turned = np.zeros(3, np.float32)
-        for j in range(3):
-            for k in range(3):
-                turned[j] += covariance[j, k] * axis[k]
-        length = np.sqrt(turned[0] ** 2 + turned[1] ** 2 + turned[2] ** 2)
-        if length > 1e-6:
-            for j in range(3):
-                axis[j] = turned[j] / length
-    return axis
+                north = picture[2 * r, 2 * c, k] + picture[2 * r, 2 * c + 1, k]
+                south = picture[2 * r + 1, 2 * c, k] + picture[2 * r + 1, 2 * c + 1, k]
+                out[r, c, k] = (north + south) * QUARTER
+    return out
 
 
-@kernel
-def _ends(texels: NDArray[np.float32]) -> tuple[int, int]:
-    """Return the two end colours, packed, the larger first."""
-    mean = np.zeros(3, np.float32)
-    for i in range(16):
-        for k in range(3):
-            mean[k] += texels[i, k] / 16.0
-    axis = _axis(texels, mean)
-    low, high = np.inf, -np.inf
-    for i in range(16):
-        along = 0.0
-        for k in range(3):
-            along += (texels[i, k] - mean[k]) * axis[k]
-        low, high = min(low, along), max(high, along)
-    inset = (high - low) / 16.0
-    first = _pack565(mean + axis * np.float32(high - inset))
-    second = _pack565(mean + axis * np.float32(low + inset))
-    return max(first, second), min(first, second)
-
-
-@kernel
-def _block(texels: NDArray[np.float32]) -> int:
-    """Compress 16 colours, (16, 3), row by row, to one 64-bit block."""
-    first, second = _ends(texels)
-    palette = np.zeros((4, 3), np.float32)
-    _unpack565(first, palette[0])
-    _unpack565(second, palette[1])
-    for k in range(3):
-        palette[2, k] = (2.0 * palette[0, k] + palette[1, k]) / 3.0
-        palette[3, k] = (palette[0, k] + 2.0 * palette[1, k]) / 3.0
-    choices = 0
-    for i in range(16):
-        best, best_distance = 0, np.inf
-        for n in range(4):
-            distance = 0.0
-            for k in range(3):
-                distance += (texels[i, k] - palette[n, k]) ** 2
-            if distance < best_distance:
-                best, best_distance = n, distance
-        choices |= (best if first != second else 0) << (2 * i)
-    return first | (second << 16) | (choices << 32)
-
-
-@kernel
-def _blocks(picture: NDArray[np.float32]) -> NDArray[np.int64]:
+@summing
+def _blocks(picture: Picture, out: NDArray[np.int64]) -> None:
+    """Compress one level, row by row of blocks."""
     count = picture.shape[0] // 4
-    out = np.zeros(count * count, np.int64)
-    texels = np.zeros((16, 3), np.float32)
+    texels = np.empty((3, 16), np.float32)
     for r in range(count):
         for c in range(count):
-            for i in range(16):
-                for k in range(3):
-                    texels[i, k] = picture[4 * r + i // 4, 4 * c + i % 4, k]
+            for i in range(4):
+                for j in range(4):
+                    for k in range(3):
+                        texels[k, 4 * i + j] = picture[4 * r + i, 4 * c + j, k]
             out[r * count + c] = _block(texels)
-    return out
+
+
+@summing
+def _block(texels: Picture) -> int:
+    """Compress 16 colours, (3, 16), to one 64-bit block."""
+    m0 = m1 = m2 = ZERO
+    for i in range(16):
+        m0 += texels[0, i]
+        m1 += texels[1, i]
+        m2 += texels[2, i]
+    m0, m1, m2 = m0 * SIXTEENTH, m1 * SIXTEENTH, m2 * SIXTEENTH
+    a0, a1, a2 = _axis(texels, m0, m1, m2)
+    low = high = ZERO
+    for i in range(16):
+        along = (texels[0, i] - m0) * a0 + (texels[1, i] - m1) * a1
+        along += (texels[2, i] - m2) * a2
+        low, high = min(low, along), max(high, along)
+    if high - low < PLAIN:
+        return _plain(m0, m1, m2)
+    inset = (high - low) * SIXTEENTH
+    low, high = low + inset, high - inset
+    first = _pack(m0 + a0 * high, m1 + a1 * high, m2 + a2 * high)
+    second = _pack(m0 + a0 * low, m1 + a1 * low, m2 + a2 * low)
+    if first == second:
+        return _plain(m0, m1, m2)
+    if first < second:
+        first, second = second, first
+    return first | (second << 16) | (_choices(texels, first, second) << 32)
+
+
+@inlined
+def _axis(
+    texels: Picture, m0: np.float32, m1: np.float32, m2: np.float32
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Principal axis of 16 colours by four power iterations on their covariance."""
+    rr = rg = rb = gg = gb = bb = ZERO
+    for i in range(16):
+        r, g, b = texels[0, i] - m0, texels[1, i] - m1, texels[2, i] - m2
+        rr, rg, rb = rr + r * r, rg + r * g, rb + r * b
+        gg, gb, bb = gg + g * g, gb + g * b, bb + b * b
+    # From the channel that varies most, so that the start is never across the axis.
+    if rr >= gg and rr >= bb:
+        x, y, z = rr, rg, rb
+    elif gg >= bb:
+        x, y, z = rg, gg, gb
+    else:
+        x, y, z = rb, gb, bb
+    for _ in range(4):
+        size = ONE / (abs(x) + abs(y) + abs(z) + np.float32(1e-20))
+        x, y, z = x * size, y * size, z * size
+        x, y, z = (
+            rr * x + rg * y + rb * z,
+            rg * x + gg * y + gb * z,
+            rb * x + gb * y + bb * z,
+        )
+    size = ONE / (np.sqrt(x * x + y * y + z * z) + np.float32(1e-20))
+    return x * size, y * size, z * size
+
+
+@inlined
+def _pack(r: np.float32, g: np.float32, b: np.float32) -> int:
+    """Round a colour to 5-6-5 bits."""
+    red = int(min(max(r, ZERO), TOP) * (ONE / SPAN_5) + HALF)
+    green = int(min(max(g, ZERO), TOP) * (ONE / SPAN_6) + HALF)
+    blue = int(min(max(b, ZERO), TOP) * (ONE / SPAN_5) + HALF)
+    return (red << 11) | (green << 5) | blue
+
+
+@inlined
+def _plain(r: np.float32, g: np.float32, b: np.float32) -> int:
+    """Return the block that shows one colour."""
+    red = int(min(max(r, ZERO), TOP) + HALF)
+    green = int(min(max(g, ZERO), TOP) + HALF)
+    blue = int(min(max(b, ZERO), TOP) + HALF)
+    first = (THIRDS_5[red, 0] << 11) | (THIRDS_6[green, 0] << 5) | THIRDS_5[blue, 0]
+    second = (THIRDS_5[red, 1] << 11) | (THIRDS_6[green, 1] << 5) | THIRDS_5[blue, 1]
+    if first > second:
+        return int(first | (second << 16) | (0xAAAAAAAA << 32))
+    if first < second:
+        return int(second | (first << 16) | (0xFFFFFFFF << 32))
+    return int(first | (second << 16))
+
+
+@inlined
+def _choices(texels: Picture, first: int, second: int) -> int:
+    """Return each texel's nearest of the four colours, 2 bits each."""
+    r0, r1 = np.float32(second >> 11), np.float32(first >> 11)
+    g0, g1 = np.float32((second >> 5) & 63), np.float32((first >> 5) & 63)
+    b0, b1 = np.float32(second & 31), np.float32(first & 31)
+    r0, r1, b0, b1 = r0 * SPAN_5, r1 * SPAN_5, b0 * SPAN_5, b1 * SPAN_5
+    g0, g1 = g0 * SPAN_6, g1 * SPAN_6
+    dr, dg, db = r1 - r0, g1 - g0, b1 - b0
+    size = THREE / (dr * dr + dg * dg + db * db)
+    choices = 0
+    for i in range(16):
+        along = (texels[0, i] - r0) * dr + (texels[1, i] - g0) * dg
+        along = (along + (texels[2, i] - b0) * db) * size
+        choices |= CODES[int(min(max(along + HALF, ZERO), THREE))] << (2 * i)
+    return choices

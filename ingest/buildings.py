@@ -20,7 +20,7 @@ from ingest.grounding import Ground, Grounding, ellipsoid, ground_objects
 from ingest.heights import HeightRules
 from ingest.object_pyramid import Buildings, Pyramid, build_pyramid, dimensions_m
 from ingest.object_table import NewObjects, insert_objects, read_objects, update_places
-from ingest.raster_blocks import Progress
+from ingest.raster_copy import Progress
 from ingest.terrain import editing, silent
 from tiles.errors import InputError
 from tiles.frames import Ints

@@ -12,6 +12,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
+from tiles.placement import is_lon_lat
 
 DRIVERS = {
     ".hgt": "SRTMHGT",
@@ -127,18 +128,6 @@ def describe(
         _spacing_m(horizontal, transform, bounds),
         wraps,
     )
-
-
-def is_lon_lat(crs: pyproj.CRS) -> bool:
-    """Say whether coordinates are WGS84 longitude and latitude in degrees as they are.
-
-    Systems on the same ellipsoid (ETRS89, NAD83) differ by less than two metres.
-    """
-    plain = crs.is_geographic and not crs.is_derived
-    if not plain or crs.ellipsoid is None or crs.prime_meridian is None:
-        return False
-    flat, degree = crs.ellipsoid.semi_major_metre, crs.axis_info[0].unit_name.lower()
-    return flat == WGS84_A_M and not crs.prime_meridian.longitude and degree == "degree"
 
 
 def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:

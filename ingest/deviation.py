@@ -119,8 +119,8 @@ def overlay_deviation_m(surface: Surface, layer: Layer, lon_lat: Floats) -> floa
 
     Two piecewise linear surfaces differ most at a vertex of their overlay: at the
     mesh's vertices, at the source's posts, or where their edges cross. All are visited.
-    Added is what is not linear: the bulge of the ellipsoid and the bend of the geoid
-    between posts, and of the mesh's edges in the source's projection.
+    Added is what is not linear: the bulge of the ellipsoid between posts, and the bend
+    of the mesh's edges in the source's projection.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def overlay_deviation_m(surface: Surface, layer: Layer, lon_lat: Floats) -> floa
     squared = _overlay(*mesh, own.height_m, surface.mesh.centre)
     bulge_m = layer.spacing_m**2 / (4 * 6.3e6)
     bend_m = _bend_posts(surface, layer, lon_lat, own.at) * _steepest_m(own.height_m)
-    return float(np.sqrt(squared)) + bulge_m + own.slack_m + bend_m
+    return float(np.sqrt(squared)) + bulge_m + bend_m
 
 
 def _bend_posts(surface: Surface, layer: Layer, lon_lat: Floats, at: Floats) -> float:

@@ -6,21 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pyproj
 from numpy.typing import NDArray
 
-from ingest.datum import undulation_m
-from ingest.dem import is_lon_lat
-from ingest.raster_blocks import BLOCK, Blocks, level_count, level_shape
 from ingest.sampling import bilinear_rgb, triangulated
 from tiles import cells
 from tiles.frames import Floats
-from tiles.kernels import kernel
+from tiles.placement import Placement
+from tiles.raster_blocks import BLOCK, Blocks, level_count, level_shape
 
 POLAR_DEG = 89.9999
-RADIAN_M = 6.36e6
-"""A little less than the earth's radius, so that margins are wide enough."""
-ROUNDING = 1e-12
 
 
 class Layer:
@@ -28,11 +22,12 @@ class Layer:
 
     def __init__(self, connection: sqlite3.Connection, source: dict[str, Any]) -> None:
         self.name = str(source["name"])
-        self.datum = str(source.get("datum", "ellipsoid"))
         self.spacing_m = float(source["spacing_m"])
         self.vertical_step_m = float(source.get("vertical_step_m", 0.0))
-        self.bounds_deg: tuple[float, float, float, float] = tuple(source["bounds_deg"])
-        self.wraps = bool(source["wraps"])
+        self._place = Placement(source)
+        self.bounds_deg, self.wraps = self._place.bounds_deg, self._place.wraps
+        self.is_projected = self._place.is_projected
+        self.pixels, self.near = self._place.pixels, self._place.near
         self._shape = (int(source["height"]), int(source["width"]))
         self._blocks = Blocks(
             connection, str(source["blocks"]), self._shape, wraps=self.wraps
@@ -43,63 +38,22 @@ class Layer:
         polar = self.wraps and north > POLAR_DEG, self.wraps and south < -POLAR_DEG
         self._polar = polar if source["transform"][4] < 0 else polar[::-1]
         self._pole_means: dict[tuple[int, int], float] = {}
-        a, b, c, d, e, f = source["transform"]
-        self._matrix = np.linalg.inv(np.array([[a, b], [d, e]]))
-        self._origin = np.array([c, f])
-        crs = pyproj.CRS.from_user_input(source["crs"])
-        self._project = self._unproject = None
-        self.is_projected = not is_lon_lat(crs)
-        if self.is_projected:
-            self._project = pyproj.Transformer.from_crs(4326, crs, always_xy=True).transform
-            self._unproject = pyproj.Transformer.from_crs(
-                crs, 4326, always_xy=True
-            ).transform
 
-    def pixels(self, lon_rad: Floats, lat_rad: Floats) -> tuple[Floats, Floats]:
-        """Return column and row of places, posts at whole numbers."""
-        lon_deg, lat_deg = np.degrees(lon_rad), np.degrees(lat_rad)
-        if self._project:
-            x, y = self._project(lon_deg, lat_deg)
-        else:
-            x, y = lon_deg, lat_deg
-            middle = (self.bounds_deg[0] + self.bounds_deg[2]) / 2
-            x = (x - middle + 180.0) % 360.0 - 180.0 + middle
-        col, row = self._matrix @ np.stack([x - self._origin[0], y - self._origin[1]])
-        if self.wraps:
-            width, middle = self._shape[1], float(np.median(col))
-            col = middle + (col - middle + width / 2) % width - width / 2
-        return col - 0.5, row - 0.5
-
-    def near(
-        self, lon_rad: Floats, lat_rad: Floats, margin_m: float = 0.0
-    ) -> NDArray[np.bool_]:
-        """Say which places are within a margin of the raster's bounding box."""
-        return _near(lon_rad, lat_rad, np.radians(self.bounds_deg), margin_m / RADIAN_M)
-
-    def heights(
-        self, lon_rad: Floats, lat_rad: Floats, step_m: float, sea: Floats | None = None
-    ) -> Floats:
+    def heights(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> Floats:
         """Return heights above the ellipsoid, NaN where the source has none.
 
         Parameters
         ----------
         lon_rad, lat_rad : (n,) float64
         step_m : distance of the wanted points; posts closer than that are averaged
-        sea : (n,) heights of EGM96's zero surface, where the caller knows them already
         """
         out = np.full(lon_rad.shape, np.nan)
         at = np.flatnonzero(self.near(lon_rad, lat_rad))
         if len(at):
-            raw = self._elevations(*self.pixels(lon_rad[at], lat_rad[at]), step_m)
-            out[at] = raw
-            known = at[np.isfinite(raw)]
-            if sea is not None and self.datum == "egm96":
-                out[known] += sea[known]
-            else:
-                out[known] += undulation_m(self.datum, lon_rad[known], lat_rad[known])
+            out[at] = self._heights(*self.pixels(lon_rad[at], lat_rad[at]), step_m)
         return out
 
-    def _elevations(self, col: Floats, row: Floats, step_m: float) -> Floats:
+    def _heights(self, col: Floats, row: Floats, step_m: float) -> Floats:
         level = self._level(step_m)
         last = self._shape[0] - 1
         inner = np.clip(
@@ -169,15 +123,15 @@ class Layer:
         most : the rim is thinned to about this many places, evenly
         """
         strips = [self._rim_strip(top) for top in range(0, self._shape[0], BLOCK)]
-        col, row, raw = np.concatenate(strips, axis=1)
-        lon, lat = self._places(col, row)
+        col, row, height = np.concatenate(strips, axis=1)
+        lon, lat = self._place.places(col, row)
         step = -(-len(col) // most) or 1
         keep = np.argsort(cells.cell_at(lon, lat, cells.MAX_LEVEL), kind="stable")[::step]
         lon, lat = lon[keep], lat[keep]
-        return lon, lat, raw[keep] + undulation_m(self.datum, lon, lat)
+        return lon, lat, height[keep].astype(np.float64)
 
     def _rim_strip(self, top: int) -> Floats:
-        """Find the rim in one strip of blocks: (3, n) columns, rows and elevations."""
+        """Find the rim in one strip of blocks: (3, n) columns, rows and heights."""
         height, width = self._shape
         bottom = min(top + BLOCK, height)
         posts = self._blocks.window(0, top - 1, bottom + 1, -1, width + 1)
@@ -192,14 +146,6 @@ class Layer:
         shifts = [known[r : r + rows, c : c + cols] for r in range(3) for c in range(3)]
         row, col = np.nonzero(known[1:-1, 1:-1] & ~np.logical_and.reduce(shifts))
         return np.stack([col, row + top, posts[row + 1, col + 1]]).astype(np.float64)
-
-    def _places(self, col: Floats, row: Floats) -> tuple[Floats, Floats]:
-        """Invert `pixels`."""
-        pixel = np.stack([col + 0.5, row + 0.5])
-        x, y = np.linalg.inv(self._matrix) @ pixel + self._origin[:, None]
-        if self._unproject:
-            x, y = self._unproject(x, y)
-        return np.radians(x), np.radians(y)
 
     def own_surface(self, lon_rad: Floats, lat_rad: Floats) -> "OwnSurface | None":
         """Return the posts around places, as the source's own triangles.
@@ -218,33 +164,8 @@ class Layer:
         raw = self._blocks.window(0, top, bottom, left, right).astype(np.float64)
         if not np.isfinite(raw).all():
             return None
-        cols, rows = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
-        zero = self._zero(cols, rows)
-        between = self._zero(0.5 + cols[:-1, :-1], 0.5 + rows[:-1, :-1])
-        slack_m = float(np.abs((zero[:-1, :-1] + zero[1:, 1:]) / 2 - between).max())
         at = np.stack([col - left, row - top], axis=1)
-        return OwnSurface(raw + zero, at, slack_m)
-
-    def _zero(self, col: NDArray[Any], row: NDArray[Any]) -> Floats:
-        """Return the height of the datum's zero surface at columns and rows."""
-        places = self._places(col.ravel().astype(float), row.ravel().astype(float))
-        return undulation_m(self.datum, *places).reshape(col.shape)
-
-
-@kernel
-def _near(
-    lon_rad: Floats, lat_rad: Floats, box_rad: Floats, margin_rad: float
-) -> NDArray[np.bool_]:
-    """Say which places, (n,), are in a box or within a margin of it."""
-    middle, half = (box_rad[0] + box_rad[2]) / 2, (box_rad[2] - box_rad[0]) / 2 + ROUNDING
-    low, high = box_rad[1] - margin_rad - ROUNDING, box_rad[3] + margin_rad + ROUNDING
-    out = np.zeros(len(lon_rad), np.bool_)
-    for i in range(len(lon_rad)):
-        if low <= lat_rad[i] <= high:
-            turns = (lon_rad[i] - middle) / (2.0 * np.pi)
-            off = abs(turns - np.floor(turns + 0.5)) * 2.0 * np.pi
-            out[i] = off <= half or off - half <= margin_rad / max(np.cos(lat_rad[i]), 0.01)
-    return out
+        return OwnSurface(raw, at)
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,5 +176,3 @@ class OwnSurface:
     """(h, w) posts, m above the ellipsoid"""
     at: Floats
     """(n, 2) columns and rows of the places that were asked for"""
-    slack_m: float
-    """How far the datum's zero surface bends between posts"""

@@ -79,7 +79,7 @@ class Mosaic:
     ) -> Floats:
         surface = sea.copy()
         for layer, rim in zip(self.layers[:count], self.rims[:count], strict=True):
-            own = layer.heights(lon_rad, lat_rad, step_m, sea)
+            own = layer.heights(lon_rad, lat_rad, step_m)
             outside = np.isnan(own)
             if rim:
                 near = layer.near(lon_rad, lat_rad, rim.feather_m)

@@ -14,7 +14,7 @@ from ingest.object_index import index_records
 from ingest.object_tiles import OwnObjects, Proxies, make_tile, meshes_of
 from ingest.object_tree import Tree, build_tree, proxied_children
 from ingest.proxies import Boxes, Solids, make_boxes, measure, sample_surfaces
-from ingest.raster_blocks import Progress
+from ingest.raster_copy import Progress
 from ingest.repair import area_m2, size_m
 from tiles import cells
 from tiles.codec import HEADER, checksum

@@ -17,7 +17,7 @@ from ingest.boxes import Box, grown, meet
 from ingest.datum import datum_of, unit_m
 from ingest.dem import describe, open_raster, unreadable
 from ingest.mosaic import Mosaic
-from ingest.raster_blocks import Progress, copy_in
+from ingest.raster_copy import Progress, copy_in
 from ingest.terrain_build import Recipe, Source, rebuild, require_generation
 from tiles.errors import InputError
 from tiles.writer import Writer
@@ -163,8 +163,7 @@ def copy(writer: Writer, source: Source, progress: Progress) -> Source:
     key = f"{source['name']}@{secrets.token_hex(4)}"
     with open_raster(source["path"]) as dataset, writer.transaction():
         try:
-            unit = float(source.get("unit_m", 1.0))
-            held = copy_in(writer.connection, key, dataset, unit, progress)
+            held = copy_in(writer.connection, key, dataset, source, progress)
         except RasterioError as error:
             raise unreadable(source["path"], error) from error
         if not held:
@@ -210,6 +209,9 @@ def change(
     old = Mosaic(writer.connection, writer.sources("terrain"))
     new = Mosaic(writer.connection, after)
     boxes = affected((old, new), changed)
+    for layer in new.layers:
+        source = next(one for one in after if one["name"] == layer.name)
+        source["reach_m"] = new.reach_m(layer)
     recipe = Recipe(str(writer.path), after, new.rims, boxes)
     return rebuild(writer, recipe, generation, workers, progress)
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ingest.boxes import Box, touches
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic, Rim
-from ingest.raster_blocks import Progress
+from ingest.raster_copy import Progress
 from ingest.terrain_pyramid import Made, Part, ZoneBuilder
 from tiles import cells, zones
 from tiles.errors import InputError

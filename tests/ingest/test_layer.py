@@ -65,7 +65,8 @@ def test_heights_are_the_files_own_triangles_in_any_crs(
     truth = source_height_m(tmp_path / "source.tif", lon, lat) + geoid_m(lon, lat)
     found = layer.heights(np.radians(lon), np.radians(lat), 0.0)
     assert np.isfinite(truth).sum() > 450
-    np.testing.assert_allclose(found, truth, atol=0.01)
+    # The datum is applied at the posts; between posts 9 km apart the geoid bends by 4 cm.
+    np.testing.assert_allclose(found, truth, atol=0.05)
 
 
 def test_outside_its_posts_a_source_says_nothing(opened: Opener) -> None:

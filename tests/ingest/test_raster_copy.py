@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 import rasterio
 
-from ingest.raster_blocks import Blocks, copy_in, level_count, level_shape
+from ingest.raster_copy import copy_in
 from tests.ingest.rasters import north_up, write
 from tiles.errors import InputError
+from tiles.raster_blocks import Blocks, level_count, level_shape
 from tiles.writer import Writer
+
+PLANNED = {"unit_m": 1.0, "datum": "ellipsoid"}
 
 
 def copied(
@@ -20,7 +23,7 @@ def copied(
     path = write(folder / "a.tif", posts, north_up(0, 0, 1e-3), "EPSG:4326", nodata)
     writer = Writer(folder / "a.geopage")
     with writer, rasterio.open(path) as dataset, writer.transaction():
-        held = copy_in(writer.connection, "a", dataset, 1.0, lambda a, b, c: None)
+        held = copy_in(writer.connection, "a", dataset, PLANNED, lambda a, b, c: None)
     return sqlite3.connect(folder / "a.geopage"), held
 
 

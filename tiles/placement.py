@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the posts of a source raster are: between longitude, latitude and column, row."""
+
+from typing import Any
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from tiles.frames import WGS84_A_M, Floats
+from tiles.kernels import kernel
+
+RADIAN_M = 6.36e6
+"""A little less than the earth's radius, so that margins are wide enough."""
+ROUNDING = 1e-12
+
+
+def is_lon_lat(crs: pyproj.CRS) -> bool:
+    """Say whether coordinates are WGS84 longitude and latitude in degrees as they are.
+
+    Systems on the same ellipsoid (ETRS89, NAD83) differ by less than two metres.
+    """
+    plain = crs.is_geographic and not crs.is_derived
+    if not plain or crs.ellipsoid is None or crs.prime_meridian is None:
+        return False
+    flat, degree = crs.ellipsoid.semi_major_metre, crs.axis_info[0].unit_name.lower()
+    return flat == WGS84_A_M and not crs.prime_meridian.longitude and degree == "degree"
+
+
+class Placement:
+    """The posts of one raster on the earth; whole columns and rows are posts."""
+
+    def __init__(self, source: dict[str, Any]) -> None:
+        """Take a source as the store lists it: crs, transform, width, bounds_deg, wraps."""
+        self.bounds_deg: tuple[float, float, float, float] = tuple(source["bounds_deg"])
+        self.wraps = bool(source["wraps"])
+        self._width = int(source["width"])
+        a, b, c, d, e, f = source["transform"]
+        self._inverse = np.array([[a, b], [d, e]])
+        self._matrix = np.linalg.inv(self._inverse)
+        self._origin = np.array([c, f])
+        crs = pyproj.CRS.from_user_input(source["crs"])
+        self._project = self._unproject = None
+        self.is_projected = not is_lon_lat(crs)
+        if self.is_projected:
+            between = pyproj.Transformer.from_crs(4326, crs, always_xy=True)
+            self._project = between.transform
+            self._unproject = pyproj.Transformer.from_crs(
+                crs, 4326, always_xy=True
+            ).transform
+
+    def pixels(self, lon_rad: Floats, lat_rad: Floats) -> tuple[Floats, Floats]:
+        """Return column and row of places, (n,) each."""
+        lon_deg, lat_deg = np.degrees(lon_rad), np.degrees(lat_rad)
+        if self._project:
+            x, y = self._project(lon_deg, lat_deg)
+        else:
+            x, y = lon_deg, lat_deg
+            middle = (self.bounds_deg[0] + self.bounds_deg[2]) / 2
+            x = (x - middle + 180.0) % 360.0 - 180.0 + middle
+        col, row = self._matrix @ np.stack([x - self._origin[0], y - self._origin[1]])
+        if self.wraps:
+            width, middle = self._width, float(np.median(col))
+            col = middle + (col - middle + width / 2) % width - width / 2
+        return col - 0.5, row - 0.5
+
+    def places(self, col: Floats, row: Floats) -> tuple[Floats, Floats]:
+        """Invert `pixels`: longitude and latitude, (n,) each."""
+        pixel = np.stack([col + 0.5, row + 0.5])
+        x, y = self._inverse @ pixel + self._origin[:, None]
+        if self._unproject:
+            x, y = self._unproject(x, y)
+        return np.radians(x), np.radians(y)
+
+    def near(
+        self, lon_rad: Floats, lat_rad: Floats, margin_m: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Say which places are within a margin of the raster's bounding box."""
+        return _near(lon_rad, lat_rad, np.radians(self.bounds_deg), margin_m / RADIAN_M)
+
+
+@kernel
+def _near(
+    lon_rad: Floats, lat_rad: Floats, box_rad: Floats, margin_rad: float
+) -> NDArray[np.bool_]:
+    """Say which places, (n,), are in a box or within a margin of it."""
+    middle, half = (box_rad[0] + box_rad[2]) / 2, (box_rad[2] - box_rad[0]) / 2 + ROUNDING
+    low, high = box_rad[1] - margin_rad - ROUNDING, box_rad[3] + margin_rad + ROUNDING
+    out = np.zeros(len(lon_rad), np.bool_)
+    for i in range(len(lon_rad)):
+        if low <= lat_rad[i] <= high:
+            turns = (lon_rad[i] - middle) / (2.0 * np.pi)
+            off = abs(turns - np.floor(turns + 0.5)) * 2.0 * np.pi
+            out[i] = off <= half or off - half <= margin_rad / max(np.cos(lat_rad[i]), 0.01)
+    return out
