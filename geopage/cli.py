@@ -19,6 +19,7 @@ HELP = {
     "sample": "heights, cells and buildings at places",
     "render": "make one settled picture",
     "fly": "fly a camera path and write a report",
+    "accuracy": "measure the pixel error of random views against the sources",
     "chart": "draw speed against accuracy from one or more flights",
     "remove": "take a source out of a store",
     "doctor": "say what this machine can draw with",

@@ -19,7 +19,10 @@ from tiles.store import Store
 def info(words: list[str]) -> int:
     """Say what a store holds."""
     parser = Parser(
-        "info", "Say what a store holds: sources, and cells, bytes, errors a level."
+        "info",
+        "Say what a store holds: sources, and a row a level: cells, tiles, triangles"
+        " without skirts (~: estimated from a part of the tiles), bytes, the bound of the"
+        " error (edge / 256) and the measured error, median and largest.",
     )
     parser.add_argument("store", type=Path)
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

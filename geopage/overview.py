@@ -6,19 +6,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles import cells
+from tiles import cells, geodesy
+from tiles.codec import read_header
+from tiles.errors import TileFault
 from tiles.lanes import Lane
 from tiles.store import Store
+from tiles.terrain import TEXTURE_SIDE
 
 SHOWN = ("path", "datum", "spacing_m", "width", "height", "crs_name", "stored")
+SAMPLE = 256
+"""Of a level with more tiles, so many are read for their triangles, spread evenly."""
+WIDTHS = (14, 7, 7, 10, 8, 8, 10, 8)
+TITLES = ("cells", "tiles", "triangles", "MB", "bound m", "error p50", "max")
 
 
 def overview(store: Store) -> dict[str, Any]:
-    """Return sources, and a row a lane and level: cells, tiles, bytes, errors."""
+    """Return sources, and a row a lane and level.
+
+    Of the cells: `bound_m` (the median of edge / 256, terrain only), and the measured
+    `error_median_m` and `error_max_m`; `over_bound` counts cells with a larger error. Of
+    the tiles: `bytes`, and `triangles` without skirts, estimated from the `tiles_read`.
+    """
     sources = [
         {k: s[k] for k in ("name", "kind", *SHOWN) if k in s} for s in store.sources()
     ]
-    lanes = {lane.name.lower(): _levels(store.index(lane)) for lane in Lane}
+    lanes = {lane.name.lower(): _levels(store, lane) for lane in Lane}
     return {
         "path": str(store.path),
         "bytes": store.path.stat().st_size,
@@ -28,24 +40,43 @@ def overview(store: Store) -> dict[str, Any]:
     }
 
 
-def _levels(records: NDArray[np.void]) -> list[dict[str, Any]]:
+def _levels(store: Store, lane: Lane) -> list[dict[str, Any]]:
+    records = store.index(lane)
     level = cells.level(records["cell"])
-    found = []
-    for one in np.unique(level):
-        here = records[level == one]
-        tiles = here[here["row"] > 0]
-        found.append(
-            {
-                "level": int(one),
-                "cells": len(here),
-                "tiles": len(tiles),
-                "bytes": int(tiles["tile_bytes"].sum()),
-                "error_median_m": float(np.median(here["error_m"])),
-                "error_max_m": float(here["error_m"].max()),
-                "largest_object_m": float(here["own_dimension_m"].max()),
-            }
-        )
+    return [_row(store, lane, int(one), records[level == one]) for one in np.unique(level)]
+
+
+def _row(store: Store, lane: Lane, level: int, here: NDArray[np.void]) -> dict[str, Any]:
+    tiles = here[here["row"] > 0]
+    found = {
+        "level": level,
+        "cells": len(here),
+        "tiles": len(tiles),
+        **_triangles(store, lane, tiles["row"]),
+        "bytes": int(tiles["tile_bytes"].sum()),
+        "error_median_m": float(np.median(here["error_m"])),
+        "error_max_m": float(here["error_m"].max()),
+        "largest_object_m": float(here["own_dimension_m"].max()),
+    }
+    if lane is Lane.TERRAIN:
+        bound_m = geodesy.cell_edge_m(here["cell"]) / TEXTURE_SIDE
+        found["bound_m"] = float(np.median(bound_m))
+        found["over_bound"] = int((here["error_m"] > bound_m).sum())
     return found
+
+
+def _triangles(store: Store, lane: Lane, rows: NDArray[np.int32]) -> dict[str, int]:
+    """Count the triangles of a level's tiles, skirts apart, from at most SAMPLE of them."""
+    picked = rows[np.linspace(0, len(rows) - 1, min(len(rows), SAMPLE)).astype(int)]
+    field = "surface_index_count" if lane is Lane.TERRAIN else "index_count"
+    counts = []
+    for row in picked.tolist():
+        try:
+            counts.append(int(read_header(lane, store.body(row))[field]) // 3)
+        except TileFault:  # `geopage check` names it
+            continue
+    total = round(sum(counts) / len(counts) * len(rows)) if counts else 0
+    return {"triangles": total, "tiles_read": len(counts)}
 
 
 def overview_lines(found: dict[str, Any]) -> list[str]:
@@ -57,11 +88,24 @@ def overview_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"  {source['kind']:<9} {source['name']}: {spacing}{details}")
     for lane, levels in found["lanes"].items():
         if levels:
-            lines.append(f"{lane}: level, cells, tiles, MB, error median and max m")
-        lines += [
-            f"  {row['level']:>2} {row['cells']:>7} {row['tiles']:>7}"
-            f" {row['bytes'] / 1e6:>8.2f} {row['error_median_m']:>9.2f}"
-            f" {row['error_max_m']:>9.2f}"
-            for row in levels
-        ]
+            lines.append(_columns(f"{lane}: level", *TITLES))
+        lines += [_line(row) for row in levels]
     return lines
+
+
+def _line(row: dict[str, Any]) -> str:
+    estimated = "~" if row["tiles_read"] < row["tiles"] else ""
+    return _columns(
+        row["level"],
+        row["cells"],
+        row["tiles"],
+        f"{estimated}{row['triangles']}",
+        f"{row['bytes'] / 1e6:.2f}",
+        f"{row['bound_m']:.2f}" if "bound_m" in row else "",
+        f"{row['error_median_m']:.2f}",
+        f"{row['error_max_m']:.2f}",
+    )
+
+
+def _columns(*words: object) -> str:
+    return " ".join(f"{w!s:>{n}}" for w, n in zip(words, WIDTHS, strict=True))

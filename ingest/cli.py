@@ -20,6 +20,7 @@ from ingest.buildings import (
 from ingest.features import read_features
 from ingest.grounding import Ground
 from ingest.heights import HeightRules
+from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
 from tiles.errors import InputError
@@ -29,6 +30,8 @@ from tiles.surface import Surface
 
 QUIET_S = 1.0
 """A stage shorter than this shows no bar."""
+UNITS = {"reading": " posts", "meshing": " tiles"}
+"""What a stage counts, by its first word."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -51,8 +54,17 @@ class Bars:
         if what != self._what:
             self.close()
             self._what = what
+            unit = UNITS.get(what.split(maxsplit=1)[0], "")
+            # What was done before an interruption is no part of the rate.
+            begun = done if unit else 0
             self._bar = tqdm(
-                total=total, desc=what, delay=QUIET_S, file=sys.stderr, leave=True
+                total=total,
+                desc=what,
+                initial=begun,
+                delay=QUIET_S,
+                file=sys.stderr,
+                unit=unit or " steps",
+                unit_scale=bool(unit),
             )
         self._bar.total = total
         self._bar.update(done - self._bar.n)
@@ -68,20 +80,35 @@ def ingest(words: list[str]) -> int:
     given = parser_of_ingest().parse_args(words)
     bars = Bars()
     fresh = not given.store.exists()
-    given.earth = fresh and not given.bare
     start_s = time.perf_counter()
     try:
         check_inputs(given)
+        given.earth = not given.bare and (fresh or never_finished(given.store))
         report = given.run(given, bars)
     except InputError:
         if fresh:
             discard(given.store)
         raise
+    except KeyboardInterrupt:
+        bars.close()
+        print("geopage: interrupted: run the same command again to go on", file=sys.stderr)
+        return 130
     finally:
         bars.close()
     report["seconds"] = round(time.perf_counter() - start_s, 2)
     show(report, as_json=given.json)
-    return 1 if given.strict and report["skipped"] else 0
+    return 1 if given.strict and skips(report) else 0
+
+
+def skips(report: dict[str, Any]) -> int:
+    """Count what was skipped; posts that their own file says hold no data are not."""
+    return int(report["skipped"] - report["skipped_by_reason"].get(REASONS[0], 0))
+
+
+def never_finished(path: Path) -> bool:
+    """Say whether the ingest that made a store was interrupted."""
+    with Store(path) as store:
+        return store.meta("generation", "0") == "0" and not store.sources()
 
 
 def check_inputs(given: argparse.Namespace) -> None:
@@ -107,7 +134,14 @@ def show(report: dict[str, Any], *, as_json: bool) -> None:
         sys.stdout.write(json.dumps(report) + "\n")
         return
     for key, value in report.items():
-        if value not in ({}, [], None):
+        if key == "sources":
+            for source in value:
+                known = source if isinstance(source, dict) else {"name": source}
+                print(f"source {known['name']}: {known.get('datum_here', 'no heights')}")
+        elif isinstance(value, dict) and value:
+            listed = ", ".join(f"{name} {one}" for name, one in value.items())
+            print(f"{key.replace('_', ' ')}: {listed}")
+        elif value not in ({}, [], None):
             print(f"{key.replace('_', ' ')}: {value}")
 
 
@@ -198,13 +232,16 @@ def parser_of_ingest() -> argparse.ArgumentParser:
         kind.add_argument("--crs", help="CRS of files that lack one, for example EPSG:4326")
         kind.add_argument("--bare", action="store_true", help="a new store starts empty")
         kind.add_argument(
-            "--strict", action="store_true", help="exit 1 when anything is skipped"
+            "--strict",
+            action="store_true",
+            help="exit 1 when anything is skipped that the file does not call no data",
         )
         kind.add_argument("--json", action="store_true", help="one JSON object on stdout")
         if name == "terrain":
             kind.add_argument(
                 "--datum",
-                help="vertical datum: egm96, ellipsoid or EPSG:n (default: the file's)",
+                help="vertical datum: egm96, egm2008, ellipsoid or EPSG:n (default: the"
+                " file's)",
             )
         if name == "buildings":
             building_arguments(kind)

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """From elevations above a geoid to heights above the ellipsoid."""
 
+import warnings
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pyproj
 import rasterio
+from pyproj.transformer import TransformerGroup
 from rasterio.errors import RasterioError
 
 from tiles.errors import InputError
@@ -15,16 +17,21 @@ from tiles.kernels import kernel
 from tiles.samples import SAMPLES
 
 GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
+"""Grids that come with the package; others are PROJ's, where they are installed."""
 EPSG = {5773: "egm96", 5171: "egm96", 3855: "egm2008", 4979: "ellipsoid", 4326: "ellipsoid"}
+CODES = {"egm2008": 3855}
 UNITS_M = {
     "ft": 0.3048,
     "foot": 0.3048,
+    "feet": 0.3048,
     "us-ft": 1200 / 3937,
     "us survey foot": 1200 / 3937,
+    "us_survey_foot": 1200 / 3937,
 }
 UNITS_M |= {"cm": 0.01, "centimetre": 0.01, "dm": 0.1, "mm": 0.001, "km": 1000.0}
-"""Units that a band may state; metres otherwise."""
-ADVICE = "state one with --datum egm96 or --datum ellipsoid"
+UNITS_M |= dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0)
+"""Units that a band may state; metres where it states none."""
+ADVICE = "state one with --datum egm96, ellipsoid or EPSG:n"
 
 
 def datum_of(path: str | Path, stated: str | None, file_crs: str | None) -> str:
@@ -32,7 +39,7 @@ def datum_of(path: str | Path, stated: str | None, file_crs: str | None) -> str:
 
     Returns
     -------
-    "egm96" or "ellipsoid"
+    "egm96", "egm2008", "ellipsoid" or "epsg:n"
 
     Raises
     ------
@@ -46,15 +53,25 @@ def datum_of(path: str | Path, stated: str | None, file_crs: str | None) -> str:
         )
         raise InputError(path, reason, ADVICE)
     if found not in {"ellipsoid", *GRIDS}:
-        raise InputError(path, f"no grid for vertical datum {found}", ADVICE)
+        require_way(path, found)
     return found
 
 
 def _stated(text: str) -> str | None:
     name = text.lower()
     if name.startswith("epsg:") and name[5:].isdigit():
-        return EPSG.get(int(name[5:]), name)
+        return _of_epsg(int(name[5:])) or name
     return name if name in {"egm96", "egm2008", "ellipsoid"} else None
+
+
+def _of_epsg(code: int) -> str | None:
+    """Name the datum of a code, which may be a compound system's."""
+    if code in EPSG:
+        return EPSG[code]
+    try:
+        return _of_crs(f"EPSG:{code}")
+    except pyproj.exceptions.CRSError:
+        return None
 
 
 def _of_crs(wkt: str | None) -> str | None:
@@ -67,16 +84,85 @@ def _of_crs(wkt: str | None) -> str | None:
     return "ellipsoid" if len(crs.axis_info) == 3 else None
 
 
-def unit_m(stated: str | None, file_crs: str | None, band_unit: str | None) -> float:
+def unit_m(
+    path: str | Path, stated: str | None, crs: str | None, band: str | None
+) -> float:
     """Return the metres of a source's unit of height.
 
-    A stated datum is metres, unless the file itself says what its band holds.
+    The band's own unit counts first, then that of the vertical system: the stated one,
+    else the file's; then metres.
+
+    Raises
+    ------
+    InputError
+        When the band states a unit that is no length.
     """
-    if band_unit:
-        return UNITS_M.get(band_unit.lower(), 1.0)
-    crs = pyproj.CRS.from_user_input(file_crs) if file_crs and not stated else None
-    vertical = crs.sub_crs_list[1] if crs is not None and crs.is_compound else None
+    if band:
+        if band.lower() not in UNITS_M:
+            advice = "state it with gdal_edit.py -units m"
+            raise InputError(path, f"heights in an unknown unit {band[:40]!r}", advice)
+        return UNITS_M[band.lower()]
+    code = CODES.get(stated.lower(), stated) if stated else None
+    of = crs if stated is None else str(code) if str(code)[:5].lower() == "epsg:" else None
+    vertical = _vertical(of) if of else None
     return float(vertical.axis_info[0].unit_conversion_factor) if vertical else 1.0
+
+
+def _vertical(text: str) -> pyproj.CRS | None:
+    crs = pyproj.CRS.from_user_input(text)
+    parts = crs.sub_crs_list if crs.is_compound else [crs]
+    return next((part for part in parts if part.is_vertical), None)
+
+
+def require_way(path: str | Path, datum: str) -> None:
+    """Refuse a datum from which PROJ can't get to the ellipsoid here and now.
+
+    Raises
+    ------
+    InputError
+        It names the grid that is not installed.
+    """
+    try:
+        vertical = _vertical(f"EPSG:{CODES[datum]}" if datum in CODES else datum)
+    except pyproj.exceptions.CRSError:
+        vertical = None
+    if vertical is None:
+        raise InputError(path, f"unknown vertical datum {datum!r}", ADVICE)
+    if vertical.axis_info[0].direction != "up":
+        raise InputError(path, f"{vertical.name} are depths, not heights", ADVICE)
+    if ways_of(datum):
+        return
+    grid = _missing_grid(vertical)
+    reason = f"no grid for vertical datum {datum} ({vertical.name})"
+    if grid is None:
+        raise InputError(path, f"{reason}: PROJ knows none", ADVICE)
+    raise InputError(path, reason, f"run `projsync --file {grid}`, or {ADVICE}")
+
+
+@cache
+def ways_of(datum: str) -> tuple[pyproj.Transformer, ...]:
+    """Return PROJ's ways from a datum to the ellipsoid whose grids are installed."""
+    group = _group(_vertical(f"EPSG:{CODES[datum]}" if datum in CODES else datum))
+    return tuple(group.transformers)
+
+
+def _group(vertical: pyproj.CRS | None) -> TransformerGroup:
+    both = pyproj.crs.CompoundCRS("heights", [pyproj.CRS(4326), vertical])
+    with warnings.catch_warnings():
+        # That a better grid could be installed; without any, we refuse.
+        warnings.simplefilter("ignore", UserWarning)
+        # Without this, PROJ passes heights through unchanged where a grid is missing.
+        return TransformerGroup(both, 4979, always_xy=True, allow_ballpark=False)
+
+
+def _missing_grid(vertical: pyproj.CRS) -> str | None:
+    """Name the file that is enough to know a datum."""
+    lists: list[list[str]] = [
+        [grid.short_name for grid in way.grids if not grid.available]
+        for way in _group(vertical).unavailable_operations
+    ]
+    lists.sort(key=len)
+    return next((names[0] for names in lists if names), None)
 
 
 @cache
@@ -103,8 +189,22 @@ def undulation_m(datum: str, lon_rad: Floats, lat_rad: Floats) -> Floats:
     if datum == "ellipsoid":
         return np.zeros(np.broadcast(lon_rad, lat_rad).shape)
     lon, lat = np.broadcast_arrays(lon_rad, lat_rad)
+    if datum not in GRIDS:
+        return _by_proj(datum, lon, lat)
     found = _bilinear(_grid(datum), lon.ravel() + 0.0, lat.ravel() + 0.0)
     return np.asarray(found.reshape(lon.shape))
+
+
+def _by_proj(datum: str, lon_rad: Floats, lat_rad: Floats) -> Floats:
+    """Ask PROJ; NaN where no installed grid reaches."""
+    found = np.full(lon_rad.shape, np.nan)
+    lon, lat = np.degrees(lon_rad), np.degrees(lat_rad)
+    for way in ways_of(datum):
+        lost = ~np.isfinite(found)
+        if lost.any():
+            height = way.transform(lon[lost], lat[lost], np.zeros(int(lost.sum())))[2]
+            found[lost] = np.where(np.isfinite(height), height, np.nan)
+    return found
 
 
 @kernel

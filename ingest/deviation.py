@@ -1,274 +1,397 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a drawn surface is from the surface that it stands for: measured, in ECEF.
+"""How far a drawn surface is from the posts that it stands for: measured, in ECEF.
 
-The distance of a place is that between the two points with its longitude and latitude,
-which is never less than the distance between the surfaces there.
+Two piecewise linear surfaces differ most at a vertex of their overlay: at the mesh's
+vertices, at the posts, or where an edge of the mesh crosses a line between posts. All are
+visited. There a leaf's height is compared with the true one. Of an inner cell, the shortest
+distance of the true point from the mesh counts, and where an edge crosses also that of the
+drawn point from the plane of the true triangle. On the rim, where neighbours must meet, it
+is the distance of the two points with the same longitude and latitude.
 """
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.layer import Layer
 from ingest.terrain_mesh import Surface
+from ingest.truth import Truth, column_row, point_at, terms
 from tiles.frames import Floats
-from tiles.geodesy import ecef_of
-from tiles.kernels import kernel
+from tiles.kernels import inlined, kernel
+
+Ints = NDArray[np.int64]
+ASKED = 24
+"""Triangles whose neighbours are looked at for the one under a point"""
+Point = tuple[float, float, float]
 
 
-def deviation_m(
-    surface: Surface, window: tuple[float, float, float], truth: Floats
-) -> float:
-    """Largest distance of a surface from a lattice of true points joined by triangles.
+class Mesh(NamedTuple):
+    """A surface in the frame of a leaf."""
 
-    Both are piecewise linear in longitude and latitude, so they differ most at a post
-    or where an edge of the surface crosses a line of the lattice; both are visited.
+    points: Floats
+    """(v, 3) m around the truth's centre"""
+    at: Floats
+    """(v, 2) fractions of the leaf's cell"""
+    xy: Floats
+    """(v, 2) columns and rows of the truth; only good inside the leaf"""
+    triangles: Ints
+    rim: NDArray[np.bool_]
+    """(v,) on the edge of the surface's cell"""
+    across: Ints
+    """(t, 3) the triangle across from each edge, -1 for none or where it does not matter"""
+    middle: Point
+    """m from the earth's centre to the truth's, to measure along the vertical, or 0"""
+
+
+class Posts(NamedTuple):
+    """A truth, as the kernels take it."""
+
+    points: NDArray[np.float32]
+    uv: Floats
+    grid: Floats
+    bend: float
+    """How far a straight line of the cell may be bent in columns and rows"""
+
+
+class Found(NamedTuple):
+    """The largest distances so far."""
+
+    squared: Floats
+    uv: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Of every triangle of a surface, from one truth."""
+
+    squared: Floats
+    """(t,) m2"""
+    uv: Floats
+    """(t, 2) where, in fractions of the surface's cell"""
+    truth: Truth
+
+    @property
+    def largest_m(self) -> float:
+        """Return the largest distance, with what lies between the truth's posts."""
+        return float(np.sqrt(self.squared.max(initial=0.0))) + self.truth.slack_m
+
+
+def deviation_of(
+    surface: Surface,
+    window: tuple[float, float, float],
+    truth: Truth,
+    before: "tuple[Deviation, NDArray[np.int64]] | None" = None,
+    *,
+    upright: bool = False,
+) -> Deviation:
+    """Measure a surface against the truth of a leaf in its cell.
 
     Parameters
     ----------
-    surface : of a cell that contains the lattice
-    window : (u, v, size) of the lattice in that cell, fractions of it
-    truth : (n, n, 3) float64, ECEF m, row 0 south; covers the window edge to edge
+    window : (u, v, size) of the leaf in the surface's cell, fractions of it
+    before : what was found for an earlier surface, and for each triangle of this one the
+        same triangle there, -1 for none: those are not measured again
+    upright : measure along the vertical instead of the shortest way
     """
-    local = np.ascontiguousarray(truth - surface.mesh.centre)
-    at = (surface.uv - np.array(window[:2])) / window[2] * (truth.shape[0] - 1)
-    at_posts = _at_posts(surface.points, at, surface.triangles, local)
-    at_crossings = _at_crossings(surface.points, at, surface.triangles, local)
-    return float(np.sqrt(max(at_posts, at_crossings)))
+    low, size = np.array(window[:2]), window[2]
+    offset = truth.centre - surface.mesh.centre
+    count = len(surface.triangles)
+    found = Found(np.zeros(count), np.zeros((count, 2)))
+    todo = np.ones(count, np.bool_)
+    if before:
+        todo = before[1] < 0
+        found.squared[~todo] = before[0].squared[before[1][~todo]]
+        found.uv[~todo] = (before[0].uv[before[1][~todo]] - low) / size
+    at = (surface.uv - low) / size
+    xy = np.ascontiguousarray((truth.grid @ terms(*at.T)).T)
+    rim = ((surface.uv == 0.0) | (surface.uv == 1.0)).any(axis=1)
+    x, y, z = (float(one) * upright for one in truth.centre)
+    points, triangles = surface.points - offset, surface.triangles
+    mesh = Mesh(points, at, xy, triangles, rim, surface.across, (x, y, z))
+    bend = 0.05 + float(np.abs(truth.grid[:, 3:]).sum())
+    _measure(mesh, Posts(truth.points, truth.uv, truth.grid, bend), todo, found)
+    return Deviation(found.squared, low + found.uv * size, truth)
 
 
-@kernel
-def _at_posts(
-    points: Floats, at: Floats, triangles: NDArray[np.int64], truth: Floats
-) -> float:
-    """Largest squared distance over the lattice posts that each triangle covers."""
-    last, worst = truth.shape[0] - 1, 0.0
-    for t in range(len(triangles)):
-        a, b, c = triangles[t]
-        ax, ay, bx, by, cx, cy = at[a, 0], at[a, 1], at[b, 0], at[b, 1], at[c, 0], at[c, 1]
-        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        slack = -1e-9 * area
-        for y in range(max(0, np.ceil(min(ay, by, cy))), min(last, max(ay, by, cy)) + 1):
-            for x in range(
-                max(0, np.ceil(min(ax, bx, cx))), min(last, max(ax, bx, cx)) + 1
-            ):
-                w0 = (bx - x) * (cy - y) - (by - y) * (cx - x)
-                w1 = (cx - x) * (ay - y) - (cy - y) * (ax - x)
-                w2 = area - w0 - w1
-                if w0 < slack or w1 < slack or w2 < slack:
-                    continue
-                squared = 0.0
-                for k in range(3):
-                    flat = (
-                        w0 * points[a, k] + w1 * points[b, k] + w2 * points[c, k]
-                    ) / area
-                    squared += (flat - truth[y, x, k]) ** 2
-                worst = max(worst, squared)
-    return worst
-
-
-@kernel
-def _line(family: int, at: Floats) -> float:
-    """Return the column, row or diagonal x - y of a lattice at a place, not rounded."""
-    if family == 0:
-        return float(at[0])
-    return float(at[1]) if family == 1 else float(at[0] - at[1])
-
-
-@kernel
-def _at_crossings(
-    points: Floats, at: Floats, triangles: NDArray[np.int64], truth: Floats
-) -> float:
-    """Largest squared distance where edges cross lattice columns, rows and diagonals."""
-    worst, last = 0.0, truth.shape[0] - 1
-    for t in range(len(triangles)):
-        for k in range(3):
-            p, q = triangles[t, k], triangles[t, (k + 1) % 3]
-            for family in range(3):
-                s, e = _line(family, at[p]), _line(family, at[q])
-                low = max(-last if family == 2 else 0, int(np.ceil(min(s, e))))
-                for n in range(low, min(last, int(np.floor(max(s, e)))) + 1):
-                    f = (n - s) / (e - s) if e != s else 0.0
-                    x = at[p, 0] + f * (at[q, 0] - at[p, 0])
-                    y = at[p, 1] + f * (at[q, 1] - at[p, 1])
-                    if 0.0 <= x <= last and 0.0 <= y <= last:
-                        worst = max(worst, _gap_at(points, p, q, f, truth, x, y))
-    return worst
-
-
-@kernel
-def _gap_at(
-    points: Floats, p: int, q: int, f: float, truth: Floats, x: float, y: float
-) -> float:
-    """Squared distance of the point a fraction f from p to q from the lattice at x, y."""
-    c, r = min(int(x), truth.shape[1] - 2), min(int(y), truth.shape[0] - 2)
-    fx, fy = x - c, y - r
-    squared = 0.0
-    for k in range(3):
-        corner = truth[r, c + 1, k] if fx > fy else truth[r + 1, c, k]
-        true = (
-            (1.0 - max(fx, fy)) * truth[r, c, k]
-            + abs(fx - fy) * corner
-            + min(fx, fy) * truth[r + 1, c + 1, k]
-        )
-        squared += (points[p, k] + f * (points[q, k] - points[p, k]) - true) ** 2
-    return squared
-
-
-def overlay_deviation_m(surface: Surface, layer: Layer, lon_lat: Floats) -> float | None:
-    """Largest distance of a surface from one source's own triangles, over all of it.
-
-    Two piecewise linear surfaces differ most at a vertex of their overlay: at the
-    mesh's vertices, at the source's posts, or where their edges cross. All are visited.
-    Added is what is not linear: the bulge of the ellipsoid between posts, and the bend
-    of the mesh's edges in the source's projection.
-
-    Parameters
-    ----------
-    lon_lat : (v, 2) float64, rad, places of the surface's vertices
+def same_triangles(surface: Surface, before: Surface) -> NDArray[np.int64]:
+    """Find the triangles that a surface shares with an earlier one of fewer places.
 
     Returns
     -------
-    None where the source doesn't cover the whole surface.
+    (t,) for each triangle the same one in the earlier surface, -1 where there is none
     """
-    own = layer.own_surface(lon_lat[:, 0], lon_lat[:, 1])
-    if own is None:
-        return None
-    mesh = surface.points, own.at, lon_lat, surface.triangles
-    squared = _overlay(*mesh, own.height_m, surface.mesh.centre)
-    bulge_m = layer.spacing_m**2 / (4 * 6.3e6)
-    bend_m = _bend_posts(surface, layer, lon_lat, own.at) * _steepest_m(own.height_m)
-    return float(np.sqrt(squared)) + bulge_m + bend_m
-
-
-def _bend_posts(surface: Surface, layer: Layer, lon_lat: Floats, at: Floats) -> float:
-    """How far edges of the mesh bend in the source's lattice, in posts."""
-    if not layer.is_projected:
-        return 0.0
-    ends = surface.triangles[:, [0, 1, 2, 1, 2, 0]].reshape(-1, 2, 3)
-    a, b = ends[:, 0].ravel(), ends[:, 1].ravel()
-    origin = np.stack(layer.pixels(*lon_lat[:1].T), axis=1)[0] - at[0]
-    middle = np.stack(layer.pixels(*((lon_lat[a] + lon_lat[b]) / 2).T), axis=1) - origin
-    off = np.hypot(*(middle - (at[a] + at[b]) / 2).T)
-    # Inside a triangle a quadratic is off by up to 4/3 of that on its edges.
-    return float(off.max() * 4 / 3)
-
-
-def _steepest_m(height_m: Floats) -> float:
-    """Largest change of height over one post's distance."""
-    east, north = np.abs(np.diff(height_m, axis=1)), np.abs(np.diff(height_m, axis=0))
-    return float(np.hypot(east.max(initial=0.0), north.max(initial=0.0)))
+    if surface.mesh.scale_m != before.mesh.scale_m:
+        # All positions were rounded anew.
+        return np.full(len(surface.triangles), -1)
+    keys = [np.sort(one.used[one.triangles], axis=1) for one in (before, surface)]
+    width = int(max(key.max() for key in keys)) + 1
+    old, new = (key[:, 0] * width**2 + key[:, 1] * width + key[:, 2] for key in keys)
+    order = np.argsort(old)
+    at = order[np.minimum(np.searchsorted(old, new, sorter=order), len(old) - 1)]
+    return np.asarray(np.where(old[at] == new, at, -1))
 
 
 @kernel
-def _height_at(window: Floats, x: float, y: float) -> float:
-    """Height in the source's triangles; the diagonal runs to larger row and column."""
-    c = min(max(int(np.floor(x)), 0), window.shape[1] - 2)
-    r = min(max(int(np.floor(y)), 0), window.shape[0] - 2)
-    fx, fy = x - c, y - r
-    corner = window[r, c + 1] if fx > fy else window[r + 1, c]
-    return float(
-        (1.0 - max(fx, fy)) * window[r, c]
-        + abs(fx - fy) * corner
-        + min(fx, fy) * window[r + 1, c + 1]
+def _measure(mesh: Mesh, posts: Posts, todo: NDArray[np.bool_], found: Found) -> None:
+    """Visit those triangles that meet the leaf."""
+    at, triangles = mesh.at, mesh.triangles
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        low_u = max(min(at[a, 0], at[b, 0], at[c, 0]), 0.0)
+        high_u = min(max(at[a, 0], at[b, 0], at[c, 0]), 1.0)
+        low_v = max(min(at[a, 1], at[b, 1], at[c, 1]), 0.0)
+        high_v = min(max(at[a, 1], at[b, 1], at[c, 1]), 1.0)
+        if not todo[t] or low_u > high_u or low_v > high_v:
+            continue
+        _over_posts(mesh, posts, found, t, (low_u, low_v, high_u, high_v))
+        for k in range(3):
+            p, q = triangles[t, k], triangles[t, (k + 1) % 3]
+            # Of two half-edges one is enough; those on the rim have no other.
+            if p < q or at[p, 0] == at[q, 0] or at[p, 1] == at[q, 1]:
+                _along_edge(mesh, posts, found, t, (p, q))
+
+
+@inlined
+def _squared(a: Point, b: Point) -> float:
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
+
+
+@kernel
+def _note(found: Found, t: int, squared: float, u: float, v: float) -> None:
+    """Keep the larger of a triangle's distances, and where it is."""
+    if squared > found.squared[t]:
+        found.squared[t], found.uv[t, 0], found.uv[t, 1] = squared, u, v
+
+
+@inlined
+def _dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def _minus(a: Point, b: Point) -> Point:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inlined
+def _corner(mesh: Mesh, t: int, k: int) -> Point:
+    p = mesh.triangles[t, k]
+    return mesh.points[p, 0], mesh.points[p, 1], mesh.points[p, 2]
+
+
+@inlined
+def _upright(middle: Point, flat: Point, true: Point) -> float:
+    """Squared difference in height of two points, -1 where that is not asked for."""
+    if middle[0] == 0.0 and middle[1] == 0.0 and middle[2] == 0.0:
+        return -1.0
+    up = middle[0] + true[0], middle[1] + true[1], middle[2] + true[2]
+    return float(_dot(_minus(flat, true), up) ** 2 / _dot(up, up))
+
+
+@kernel
+def _to_mesh(mesh: Mesh, t: int, point: Point) -> float:
+    """Squared shortest distance of a point from triangle t, or from one near it.
+
+    In a cell at a pole, what is straight in longitude and latitude is bent on the ground,
+    and triangles may have no area: the point may lie over another triangle. Those nearest
+    so far are asked for their neighbours.
+    """
+    best = _to_triangle(mesh, t, point)
+    if max(mesh.across[t, 0], mesh.across[t, 1], mesh.across[t, 2]) < 0:
+        return best
+    ids, far, count = np.empty(3 * ASKED + 1, np.int64), np.empty(3 * ASKED + 1), 1
+    ids[0], far[0] = t, best
+    for n in range(ASKED):
+        if n >= count:
+            break
+        nearest = n + int(np.argmin(far[n:count]))
+        ids[n], ids[nearest] = ids[nearest], ids[n]
+        far[n], far[nearest] = far[nearest], far[n]
+        for k in range(3):
+            other = mesh.across[ids[n], k]
+            if other >= 0 and not (ids[:count] == other).any():
+                ids[count], far[count] = other, _to_triangle(mesh, other, point)
+                best = min(best, far[count])
+                count += 1
+    return best
+
+
+@kernel
+def _to_triangle(mesh: Mesh, t: int, point: Point) -> float:
+    """Squared distance of a point from a triangle."""
+    a, b, c = _corner(mesh, t, 0), _corner(mesh, t, 1), _corner(mesh, t, 2)
+    along, across, off = _minus(b, a), _minus(c, a), _minus(point, a)
+    uu, uv, vv = _dot(along, along), _dot(along, across), _dot(across, across)
+    du, dv = _dot(along, off), _dot(across, off)
+    area = uu * vv - uv * uv
+    if area > 0.0:
+        u, v = (vv * du - uv * dv) / area, (uu * dv - uv * du) / area
+        if u >= 0.0 and v >= 0.0 and u + v <= 1.0:
+            return max(_dot(off, off) - u * du - v * dv, 0.0)
+    return min(_to_edge(a, b, point), _to_edge(b, c, point), _to_edge(c, a, point))
+
+
+@kernel
+def _to_edge(a: Point, b: Point, point: Point) -> float:
+    """Squared shortest distance of a point from a line segment."""
+    along, off = _minus(b, a), _minus(point, a)
+    f = min(max(_dot(along, off) / max(_dot(along, along), 1e-12), 0.0), 1.0)
+    rest = _minus(off, (f * along[0], f * along[1], f * along[2]))
+    return float(_dot(rest, rest))
+
+
+@kernel
+def _to_true_plane(posts: Posts, x: float, y: float, flat: Point, true: Point) -> float:
+    """Squared distance of a drawn point from the plane of the true triangle under it."""
+    c = min(max(int(np.floor(x)), 0), posts.points.shape[1] - 2)
+    r = min(max(int(np.floor(y)), 0), posts.points.shape[0] - 2)
+    corner = posts.points[r, c + 1] if x - c > y - r else posts.points[r + 1, c]
+    first, last = posts.points[r, c], posts.points[r + 1, c + 1]
+    ux, uy, uz = corner[0] - first[0], corner[1] - first[1], corner[2] - first[2]
+    vx, vy, vz = last[0] - first[0], last[1] - first[1], last[2] - first[2]
+    normal = (
+        float(uy * vz - uz * vy),
+        float(uz * vx - ux * vz),
+        float(ux * vy - uy * vx),
+    )
+    return float(_dot(normal, _minus(flat, true)) ** 2 / max(_dot(normal, normal), 1e-12))
+
+
+@kernel
+def _over_posts(
+    mesh: Mesh,
+    posts: Posts,
+    found: Found,
+    t: int,
+    box: tuple[float, float, float, float],
+) -> None:
+    """Compare with the posts over one triangle."""
+    at, points = mesh.at, mesh.points
+    a, b, c = mesh.triangles[t, 0], mesh.triangles[t, 1], mesh.triangles[t, 2]
+    ax, ay, bx, by, cx, cy = at[a, 0], at[a, 1], at[b, 0], at[b, 1], at[c, 0], at[c, 1]
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if area <= 0.0:
+        return
+    left, top, right, bottom = _window(mesh, posts, t, box)
+    # Taken out of their tuples once: inside the loop each would be counted every time.
+    places, heights, squared = posts.uv, posts.points, found.squared
+    middle = mesh.middle
+    for r in range(top, bottom + 1):
+        for col in range(left, right + 1):
+            u, v = places[r, col, 0], places[r, col, 1]
+            if u < -1e-9 or u > 1.0 + 1e-9 or v < -1e-9 or v > 1.0 + 1e-9:
+                continue
+            w0 = ((bx - u) * (cy - v) - (by - v) * (cx - u)) / area
+            w1 = ((cx - u) * (ay - v) - (cy - v) * (ax - u)) / area
+            w2 = 1.0 - w0 - w1
+            if w0 < -1e-9 or w1 < -1e-9 or w2 < -1e-9:
+                continue
+            flat = (
+                w0 * points[a, 0] + w1 * points[b, 0] + w2 * points[c, 0],
+                w0 * points[a, 1] + w1 * points[b, 1] + w2 * points[c, 1],
+                w0 * points[a, 2] + w1 * points[b, 2] + w2 * points[c, 2],
+            )
+            true = (
+                float(heights[r, col, 0]),
+                float(heights[r, col, 1]),
+                float(heights[r, col, 2]),
+            )
+            if _squared(flat, true) > squared[t]:
+                gap = _upright(middle, flat, true)
+                if gap < 0.0:
+                    gap = _to_mesh(mesh, t, true)
+                _note(found, t, gap, u, v)
+
+
+@kernel
+def _window(
+    mesh: Mesh, posts: Posts, t: int, box: tuple[float, float, float, float]
+) -> tuple[int, int, int, int]:
+    """Return first and last columns and rows of the posts that may lie over a triangle."""
+    left, right, top, bottom = np.inf, -np.inf, np.inf, -np.inf
+    if box[0] > 0.0 and box[1] > 0.0 and box[2] < 1.0 and box[3] < 1.0:
+        for k in range(3):
+            p = mesh.triangles[t, k]
+            x, y = mesh.xy[p, 0], mesh.xy[p, 1]
+            left, right = min(left, x), max(right, x)
+            top, bottom = min(top, y), max(bottom, y)
+    else:
+        for u in (box[0], box[2]):
+            for v in (box[1], box[3]):
+                x, y = column_row(posts.grid, u, v)
+                left, right = min(left, x), max(right, x)
+                top, bottom = min(top, y), max(bottom, y)
+    rows, cols = posts.points.shape[0], posts.points.shape[1]
+    return (
+        max(0, int(np.ceil(left - posts.bend))),
+        max(0, int(np.ceil(top - posts.bend))),
+        min(cols - 1, int(np.floor(right + posts.bend))),
+        min(rows - 1, int(np.floor(bottom + posts.bend))),
     )
 
 
 @kernel
-def _gap(
-    weights: tuple[float, float, float],
-    ids: tuple[int, int, int],
-    points: Floats,
-    at: Floats,
-    lon_lat: Floats,
-    window: Floats,
-    centre: Floats,
-) -> float:
-    """Squared distance between mesh and source at barycentric weights of a triangle."""
-    x = y = lon = lat = 0.0
-    for k in range(3):
-        x += weights[k] * at[ids[k], 0]
-        y += weights[k] * at[ids[k], 1]
-        lon += weights[k] * lon_lat[ids[k], 0]
-        lat += weights[k] * lon_lat[ids[k], 1]
-    true = ecef_of(lon, lat, _height_at(window, x, y))
-    squared = 0.0
-    for axis in range(3):
-        flat = centre[axis]
-        for k in range(3):
-            flat += weights[k] * points[ids[k], axis]
-        squared += (flat - true[axis]) ** 2
-    return squared
+def _along_edge(
+    mesh: Mesh, posts: Posts, found: Found, t: int, edge: tuple[int, int]
+) -> None:
+    """Compare where one edge crosses columns, rows and diagonals; on the rim, its ends."""
+    at, xy, points, heights = mesh.at, mesh.xy, mesh.points, posts.points
+    squared, grid, middle = found.squared, posts.grid, mesh.middle
+    p, q = edge
+    low, high = _inside(at[p, 0], at[p, 1], at[q, 0], at[q, 1])
+    if low > high:
+        return
+    u0, v0, du, dv = at[p, 0], at[p, 1], at[q, 0] - at[p, 0], at[q, 1] - at[p, 1]
+    x0, y0, x1, y1 = xy[p, 0], xy[p, 1], xy[q, 0], xy[q, 1]
+    if low > 0.0 or high < 1.0:
+        x0, y0 = column_row(grid, u0 + low * du, v0 + low * dv)
+        x1, y1 = column_row(grid, u0 + high * du, v0 + high * dv)
+    on_rim = mesh.rim[p] and mesh.rim[q]
+    for start, end in ((x0, x1), (y0, y1), (x0 - y0, x1 - y1), (0.0, 1.0 * on_rim)):
+        if abs(end - start) < 1e-9:
+            continue
+        first, last = int(np.ceil(min(start, end))), int(np.floor(max(start, end)))
+        for n in range(first, last + 1):
+            f = low + (n - start) / (end - start) * (high - low)
+            u, v = u0 + f * du, v0 + f * dv
+            x, y = column_row(grid, u, v)
+            true = point_at(heights, x, y)
+            flat = (
+                points[p, 0] + f * (points[q, 0] - points[p, 0]),
+                points[p, 1] + f * (points[q, 1] - points[p, 1]),
+                points[p, 2] + f * (points[q, 2] - points[p, 2]),
+            )
+            gap = _squared(flat, true)
+            if not on_rim and gap > squared[t]:
+                upright = _upright(middle, flat, true)
+                if upright < 0.0:
+                    upright = _shortest(mesh, posts, t, (x, y), (flat, true))
+                gap = min(gap, upright)
+            if gap > squared[t]:
+                squared[t], found.uv[t, 0], found.uv[t, 1] = gap, u, v
 
 
 @kernel
-def _overlay(
-    points: Floats,
-    at: Floats,
-    lon_lat: Floats,
-    triangles: NDArray[np.int64],
-    window: Floats,
-    centre: Floats,
+def _shortest(
+    mesh: Mesh, posts: Posts, t: int, at: tuple[float, float], pair: tuple[Point, Point]
 ) -> float:
-    """Largest squared distance over all vertices of the overlay."""
-    worst = 0.0
-    for t in range(len(triangles)):
-        ids = (triangles[t, 0], triangles[t, 1], triangles[t, 2])
-        worst = max(
-            worst,
-            _own_posts(ids, points, at, lon_lat, window, centre),
-            _own_crossings(ids, points, at, lon_lat, window, centre),
-        )
-    return worst
+    """Squared distance, both ways, where an edge inside the cell crosses a line."""
+    flat, true = pair
+    plane = _to_true_plane(posts, at[0], at[1], flat, true)
+    return max(plane, _to_mesh(mesh, t, true))
 
 
-@kernel
-def _own_posts(
-    ids: tuple[int, int, int],
-    points: Floats,
-    at: Floats,
-    lon_lat: Floats,
-    window: Floats,
-    centre: Floats,
-) -> float:
-    """Largest squared distance over the source's posts in one triangle."""
-    a, b, c = ids
-    ax, ay, bx, by, cx, cy = at[a, 0], at[a, 1], at[b, 0], at[b, 1], at[c, 0], at[c, 1]
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    worst = 0.0
-    for y in range(np.ceil(min(ay, by, cy)), int(np.floor(max(ay, by, cy))) + 1):
-        for x in range(np.ceil(min(ax, bx, cx)), int(np.floor(max(ax, bx, cx))) + 1):
-            w0 = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
-            w1 = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
-            if w0 >= 0 and w1 >= 0 and w0 + w1 <= 1:
-                weights = (w0, w1, 1 - w0 - w1)
-                gap = _gap(weights, ids, points, at, lon_lat, window, centre)
-                worst = max(worst, gap)
-    return worst
-
-
-@kernel
-def _own_crossings(
-    ids: tuple[int, int, int],
-    points: Floats,
-    at: Floats,
-    lon_lat: Floats,
-    window: Floats,
-    centre: Floats,
-) -> float:
-    """Largest squared distance at a triangle's corners and where its edges cross lines."""
-    worst = 0.0
-    for k in range(3):
-        p, q = ids[k], ids[(k + 1) % 3]
-        for family in range(3):
-            s, e = _line(family, at[p]), _line(family, at[q])
-            # One step before the first line: the corner itself.
-            for n in range(int(np.ceil(min(s, e))) - 1, int(np.floor(max(s, e))) + 1):
-                f = (n - s) / (e - s) if e != s and n >= min(s, e) else 0.0
-                weights = (1 - f, f, 0.0)
-                if k == 1:
-                    weights = (0.0, 1 - f, f)
-                elif k == 2:
-                    weights = (f, 0.0, 1 - f)
-                gap = _gap(weights, ids, points, at, lon_lat, window, centre)
-                worst = max(worst, gap)
-    return worst
+@inlined
+def _inside(u0: float, v0: float, u1: float, v1: float) -> tuple[float, float]:
+    """Return the part of an edge inside the leaf, fractions from start to end."""
+    low, high = 0.0, 1.0
+    if min(u0, v0, u1, v1) < 0.0 or max(u0, v0, u1, v1) > 1.0:
+        for start, step in ((u0, u1 - u0), (v0, v1 - v0)):
+            if step == 0.0:
+                if start < 0.0 or start > 1.0:
+                    high = -1.0
+                continue
+            one, other = -start / step, (1.0 - start) / step
+            low, high = max(low, min(one, other)), min(high, max(one, other))
+    return low, high

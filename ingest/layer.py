@@ -2,41 +2,52 @@
 """One source raster as a function of longitude and latitude."""
 
 import sqlite3
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from math import ceil, floor
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.sampling import bilinear_rgb, triangulated
-from tiles import cells
+from ingest.sampling import triangulated
 from tiles.frames import Floats
 from tiles.placement import Placement
-from tiles.raster_blocks import BLOCK, Blocks, level_count, level_shape
+from tiles.raster_blocks import BlockCache, Blocks, level_count, level_shape
 
-POLAR_DEG = 89.9999
+RIM_PX = np.array([-0.1, 0.1, -0.1, 0.1])
+"""A picture covers its texels, and a little more, so that neighbours leave no gap."""
+
+HELD_POSTS = 64
+"""A search for data looks at this many posts of a halved copy each way, about."""
+SPAN_STEPS = 16
+Box = tuple[float, float, float, float]
 
 
 class Layer:
     """Posts of one source, read from the store at the resolution that is asked for."""
 
-    def __init__(self, connection: sqlite3.Connection, source: dict[str, Any]) -> None:
+    def __init__(
+        self,
+        connection: sqlite3.Connection,
+        source: dict[str, Any],
+        cache: BlockCache | None = None,
+    ) -> None:
+        """Open a source; `cache` may be shared by the sources of one store."""
         self.name = str(source["name"])
         self.spacing_m = float(source["spacing_m"])
         self.vertical_step_m = float(source.get("vertical_step_m", 0.0))
         self._place = Placement(source)
         self.bounds_deg, self.wraps = self._place.bounds_deg, self._place.wraps
         self.is_projected = self._place.is_projected
-        self.pixels, self.near = self._place.pixels, self._place.near
+        self.pixels, self.places = self._place.pixels, self._place.places
+        self.near = self._place.near
         self._shape = (int(source["height"]), int(source["width"]))
-        self._blocks = Blocks(
-            connection, str(source["blocks"]), self._shape, wraps=self.wraps
-        )
+        key = str(source["blocks"])
+        self._blocks = Blocks(connection, key, self._shape, wraps=self.wraps, cache=cache)
         self.is_picture = self._blocks.bands == 3
         self._levels = level_count(self._shape[1], self._shape[0])
-        south, north = self.bounds_deg[1], self.bounds_deg[3]
-        polar = self.wraps and north > POLAR_DEG, self.wraps and south < -POLAR_DEG
-        self._polar = polar if source["transform"][4] < 0 else polar[::-1]
+        self._polar = self._place.closes
         self._pole_means: dict[tuple[int, int], float] = {}
 
     def heights(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> Floats:
@@ -47,8 +58,11 @@ class Layer:
         lon_rad, lat_rad : (n,) float64
         step_m : distance of the wanted points; posts closer than that are averaged
         """
+        near = self.near(lon_rad, lat_rad)
+        if near.all() and len(near):
+            return self._heights(*self.pixels(lon_rad, lat_rad), step_m)
         out = np.full(lon_rad.shape, np.nan)
-        at = np.flatnonzero(self.near(lon_rad, lat_rad))
+        at = np.flatnonzero(near)
         if len(at):
             out[at] = self._heights(*self.pixels(lon_rad[at], lat_rad[at]), step_m)
         return out
@@ -56,20 +70,20 @@ class Layer:
     def _heights(self, col: Floats, row: Floats, step_m: float) -> Floats:
         level = self._level(step_m)
         last = self._shape[0] - 1
-        inner = np.clip(
-            row,
-            0.0 if self._polar[0] else -np.inf,
-            last if self._polar[1] else np.inf,
-        )
-        found = triangulated(*self._window(level, col, inner))
+        found = triangulated(*self._window(level, col, self._within(row)))
         # Beyond the last row the surface closes over the pole, at that row's mean.
-        for edge, beyond in ((0, -row), (-1, row - last)):
-            if self._polar[edge]:
+        for edge, sign, end in ((0, -1.0, 0), (-1, 1.0, last)):
+            if self._polar[edge] and (sign * (row - end)).max() > 0.0:
+                beyond = sign * (row - end)
                 at = np.flatnonzero(beyond > 0.0)
-                if len(at):
-                    part = np.minimum(beyond[at] / 0.5, 1.0)
-                    found[at] += part * (self._pole_mean(level, edge) - found[at])
+                part = np.minimum(beyond[at] / 0.5, 1.0)
+                found[at] += part * (self._pole_mean(level, edge) - found[at])
         return found
+
+    def _within(self, row: Floats) -> Floats:
+        """Return rows, those between a pole and the row beside it moved to that row."""
+        row = np.maximum(row, 0.0) if self._polar[0] else row
+        return np.minimum(row, self._shape[0] - 1.0) if self._polar[1] else row
 
     def _pole_mean(self, level: int, edge: int) -> float:
         """Return the mean of a level's first or last row, NaN when it has no data."""
@@ -81,18 +95,38 @@ class Layer:
             self._pole_means[level, edge] = float(known.mean()) if len(known) else np.nan
         return self._pole_means[level, edge]
 
-    def colours(
-        self, lon_rad: Floats, lat_rad: Floats, step_m: float
-    ) -> NDArray[np.float32]:
-        """Return the picture's sRGB colours, (n, 3) float32 0..255, NaN outside."""
-        out = np.full((*lon_rad.shape, 3), np.nan, np.float32)
-        col, row = self.pixels(lon_rad, lat_rad)
-        height, width = self._shape
-        inside = self.near(lon_rad, lat_rad) & (row > -0.6) & (row < height - 0.4)
-        at = np.flatnonzero(inside & (self.wraps | ((col > -0.6) & (col < width - 0.4))))
-        if len(at):
-            out[at] = bilinear_rgb(*self._window(self._level(step_m), col[at], row[at]))
-        return out
+    def picture(
+        self, step_m: float, col: Floats, row: Floats
+    ) -> tuple[NDArray[Any], Floats, Floats, Floats] | None:
+        """Read the part of a picture around places, None where it covers none of them.
+
+        Parameters
+        ----------
+        step_m : distance of the wanted points; texels closer than that are averaged
+        col, row : places among the finest texels
+
+        Returns
+        -------
+        window : (h, w, 3) uint8; 0, 0, 0 is transparent
+        x, y : the places' columns and rows in it
+        limits : (4,) least and largest x, least and largest y that the picture covers
+        """
+        level = self._level(step_m)
+        height, width = level_shape(self._shape[1], self._shape[0], level)
+        x, y = (col + 0.5) / 2**level - 0.5, (row + 0.5) / 2**level - 0.5
+        ends = np.array([0, self._shape[1], 0, self._shape[0]]) + RIM_PX
+        limits = ends / 2**level - 0.5
+        left, right = int(np.floor(x.min())), int(np.floor(x.max())) + 2
+        top, bottom = int(np.floor(y.min())), int(np.floor(y.max())) + 2
+        top, bottom = max(top, 0), min(bottom, height)
+        if self.wraps:
+            limits[:2] = -np.inf, np.inf
+        else:
+            left, right = max(left, 0), min(right, width)
+        if left >= right or top >= bottom:
+            return None
+        window = self._blocks.window(level, top, bottom, left, right)
+        return window, x - left, y - top, limits - np.array([left, left, top, top])
 
     def _level(self, step_m: float) -> int:
         ratio = max(step_m / self.spacing_m, 1.0)
@@ -115,37 +149,91 @@ class Layer:
         bottom = bottom if level else min(bottom, height)
         return self._blocks.window(level, top, bottom, left, right), x - left, y - top
 
-    def rim(self, most: int) -> tuple[Floats, Floats, Floats]:
-        """Return the posts beside no data or the raster's edge: lon_rad, lat_rad, height_m.
+    def posts(self, left: int, top: int, right: int, bottom: int) -> Floats:
+        """Return the posts [top, bottom) x [left, right), m, NaN where there are none."""
+        height, width = self._shape
+        found = self._blocks.window(0, top, bottom, left, right).astype(np.float64)
+        rows, cols = np.arange(top, bottom), np.arange(left, right)
+        found[(rows < 0) | (rows >= height)] = np.nan
+        if not self.wraps:
+            found[:, (cols < 0) | (cols >= width)] = np.nan
+        return found
+
+    def holds(self, box_rad: Iterable[float | Floats]) -> bool:
+        """Say whether a source holds data in a box: never no where it does.
 
         Parameters
         ----------
-        most : the rim is thinned to about this many places, evenly
+        box_rad : west, south, east, north; data a little outside may count
         """
-        strips = [self._rim_strip(top) for top in range(0, self._shape[0], BLOCK)]
-        col, row, height = np.concatenate(strips, axis=1)
-        lon, lat = self._place.places(col, row)
-        step = -(-len(col) // most) or 1
-        keep = np.argsort(cells.cell_at(lon, lat, cells.MAX_LEVEL), kind="stable")[::step]
-        lon, lat = lon[keep], lat[keep]
-        return lon, lat, height[keep].astype(np.float64)
+        box = tuple(float(edge) for edge in box_rad)
+        return any(self._holds(part) for part in _common_parts(box, self.bounds_deg))
 
-    def _rim_strip(self, top: int) -> Floats:
-        """Find the rim in one strip of blocks: (3, n) columns, rows and heights."""
-        height, width = self._shape
-        bottom = min(top + BLOCK, height)
-        posts = self._blocks.window(0, top - 1, bottom + 1, -1, width + 1)
-        known = np.isfinite(posts)
+    def _holds(self, box_rad: Box) -> bool:
+        """Look for data in a box that lies in the raster's own."""
+        left, top, right, bottom = self._span(box_rad)
+        level = 0
+        while max(right - left, bottom - top) >> level > HELD_POSTS:
+            level += 1
+        level = min(level, self._levels - 1)
+        height, width = level_shape(self._shape[1], self._shape[0], level)
+        rows = max((top >> level) - 1, 0), min((bottom >> level) + 2, height)
+        cols = (left >> level) - 1, (right >> level) + 2
         if not self.wraps:
-            known[:, [0, -1]] = False
-        if top == 0:
-            known[0] = self._polar[0]
-        if bottom == height:
-            known[-1] = self._polar[1]
-        rows, cols = bottom - top, width
-        shifts = [known[r : r + rows, c : c + cols] for r in range(3) for c in range(3)]
-        row, col = np.nonzero(known[1:-1, 1:-1] & ~np.logical_and.reduce(shifts))
-        return np.stack([col, row + top, posts[row + 1, col + 1]]).astype(np.float64)
+            cols = max(cols[0], 0), min(cols[1], width)
+        if rows[0] >= rows[1] or cols[0] >= cols[1]:
+            return False
+        posts = self._blocks.window(level, *rows, *cols)
+        return self.is_picture or bool(np.isfinite(posts).any())
+
+    def _span(self, box_rad: Box) -> tuple[int, int, int, int]:
+        """Return columns and rows that hold a box: left, top, right, bottom."""
+        height, width = self._shape
+        steps = np.linspace(0.0, 1.0, SPAN_STEPS + 1 if self.is_projected else 2)
+        west, south, east, north = box_rad
+        lon, lat = np.meshgrid(
+            west + steps * (east - west), south + steps * (north - south)
+        )
+        col, row = (one.reshape(lon.shape) for one in self.pixels(lon.ravel(), lat.ravel()))
+        if not (np.isfinite(col).all() and np.isfinite(row).all()):
+            return 0, 0, width - 1, height - 1
+        span = []
+        for one, last in ((col, width - 1), (row, height - 1)):
+            # Between two samples a curve strays by less than an eighth of their distance.
+            steps_px = max(np.abs(np.diff(one, axis=k)).max() for k in (0, 1))
+            slack = steps_px / 8 if self.is_projected else 0.0
+            span.append((float(one.min()) - slack, float(one.max()) + slack, last))
+        (left, right, last), (top, bottom, low) = span
+        if self.wraps and east - west > np.pi:
+            left, right = 0.0, float(last)
+        if not self.wraps:
+            left, right = max(left, -1.0), min(right, last + 1.0)
+        top, bottom = max(top, -1.0), min(bottom, low + 1.0)
+        return floor(left), floor(top), ceil(right), ceil(bottom)
+
+    def framed(
+        self, rows: int, cols: int
+    ) -> Iterator[tuple[int, int, NDArray[Any], NDArray[np.bool_]]]:
+        """Yield all posts, a part at a time, each with a frame of one post around it.
+
+        Yields
+        ------
+        top, left : row and column of the part's first post
+        posts, known : (h + 2, w + 2) heights, and whether they hold data
+        """
+        height, width = self._shape
+        for top in range(0, height, rows):
+            bottom = min(top + rows, height)
+            for left in range(0, width, cols):
+                right = min(left + cols, width)
+                posts = self._blocks.window(0, top - 1, bottom + 1, left - 1, right + 1)
+                known = np.isfinite(posts)
+                known[:, 0] &= left > 0 or self.wraps
+                known[:, -1] &= right < width or self.wraps
+                # Beyond its last row a raster that reaches a pole closes over it.
+                known[0] = self._polar[0] if top == 0 else known[0]
+                known[-1] = self._polar[1] if bottom == height else known[-1]
+                yield top, left, posts, known
 
     def own_surface(self, lon_rad: Floats, lat_rad: Floats) -> "OwnSurface | None":
         """Return the posts around places, as the source's own triangles.
@@ -176,3 +264,13 @@ class OwnSurface:
     """(h, w) posts, m above the ellipsoid"""
     at: Floats
     """(n, 2) columns and rows of the places that were asked for"""
+
+
+def _common_parts(box_rad: tuple[float, ...], bounds_deg: Box) -> Iterator[Box]:
+    """Yield what a box and a raster's bounds have in common, in the raster's longitudes."""
+    west, south, east, north = np.radians(bounds_deg).tolist()
+    for turn in (-2.0 * np.pi, 0.0, 2.0 * np.pi):
+        left, right = max(box_rad[0] + turn, west), min(box_rad[2] + turn, east)
+        low, high = max(box_rad[1], south), min(box_rad[3], north)
+        if left <= right and low <= high:
+            yield left, low, right, high

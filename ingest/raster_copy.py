@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Copy a source raster into the store: square blocks, and halved copies of itself."""
+"""Copy a source raster into the store: square blocks, and halved copies of itself.
 
+The raster goes through memory in chunks, and each chunk is committed with a note of how
+far the copy is. Whatever the raster's size, a copy holds no more than a few chunks.
+"""
+
+import secrets
 import sqlite3
 from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,114 +16,247 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.windows import Window
 
-from ingest.datum import undulation_m
+from ingest.geoid import ZeroSurface
+from ingest.journal import Journal
+from ingest.picture_copy import halve_colours, read_colours
 from tiles.codec import zstd
-from tiles.placement import Placement
+from tiles.frames import Floats
+from tiles.kernels import kernel
 from tiles.raster_blocks import BLOCK, Blocks, level_count, level_shape
 
 LOWEST_M, HIGHEST_M = -12000.0, 9500.0
 """Elevations beyond these are no data, whatever the file says."""
+FILLER, DEEP_M = -9999.0, -9000.0
+"""No data where the file does not say so, unless its neighbours are as deep as that."""
+CHUNK_COLS = 16 * BLOCK
 CHECKED = {int(zstd.CompressionParameter.checksum_flag): 1}
+REASONS = (
+    "no data",
+    "no data, not declared",
+    "not an elevation",
+    "beyond the datum's grid",
+)
 Progress = Callable[[int, int, str], None]
 
 
+@dataclass(frozen=True, slots=True)
+class Copied:
+    """How far a copy is, as the journal holds it."""
+
+    blocks: str
+    """key of the copy"""
+    chunks: int = 0
+    stored: int = 0
+    """posts that hold data"""
+    skipped: tuple[int, ...] = (0,) * len(REASONS)
+    """posts that do not, by reason"""
+
+    def plus(self, counts: NDArray[np.int64]) -> "Copied":
+        """Count one more chunk in."""
+        skipped = tuple(int(a + b) for a, b in zip(self.skipped, counts[1:], strict=True))
+        return replace(
+            self,
+            chunks=self.chunks + 1,
+            stored=self.stored + int(counts[0]),
+            skipped=skipped,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """A part of one level that is copied at once."""
+
+    level: int
+    top: int
+    left: int
+    rows: int
+    cols: int
+
+
+def chunks_of(width: int, height: int) -> list[Chunk]:
+    """Return a raster's chunks, each level after the finer one that it is made from."""
+    found = []
+    for level in range(level_count(width, height)):
+        h, w = level_shape(width, height, level)
+        found += [
+            Chunk(level, top, left, min(BLOCK, h - top), min(CHUNK_COLS, w - left))
+            for top in range(0, h, BLOCK)
+            for left in range(0, w, CHUNK_COLS)
+        ]
+    return found
+
+
 def copy_in(
-    connection: sqlite3.Connection,
-    source: str,
+    journal: Journal,
+    name: str,
     dataset: rasterio.DatasetReader,
     planned: dict[str, Any],
     progress: Progress,
-) -> bool:
-    """Copy a raster into the store, halved copies included; call inside a transaction.
+) -> Copied:
+    """Copy a raster into the store, halved copies included, from where it was left.
 
     Elevations become heights above the ellipsoid, float32 m, NaN where there is no data;
-    pictures stay uint8.
+    pictures stay uint8, with 0, 0, 0 where they are transparent.
 
     Parameters
     ----------
-    source : key of the copy
+    name : of the copy in the journal; another for another file or other options
     planned : where the posts are, and what an elevation model's mean: unit_m, datum
-
-    Returns
-    -------
-    Whether any post holds data.
     """
-    height, width = dataset.height, dataset.width
-    picture = dataset.dtypes[0] == "uint8" and dataset.count >= 3
-    any_data = False
+    key = f"copy {name}"
+    source = str(planned.get("name", name))
+    said = journal.said(key) or {"blocks": f"{source}@{secrets.token_hex(4)}"}
+    copied = Copied(**{**said, "skipped": tuple(said.get("skipped", (0,) * len(REASONS)))})
+    chunks = chunks_of(dataset.width, dataset.height)
+    read = _reader(dataset, planned)
+    connection = journal.writer.connection
+    total, posts = sum(one.rows * one.cols for one in chunks), 0
+    for number, chunk in enumerate(chunks):
+        posts += chunk.rows * chunk.cols
+        if number < copied.chunks:
+            continue
+        if chunk.level:
+            made, counts = _halved(connection, copied.blocks, planned, chunk), _NONE
+        else:
+            made, counts = read(chunk)
+        with journal.step():
+            _write(connection, copied.blocks, chunk, made)
+            copied = copied.plus(counts)
+            journal.say(key, asdict(copied), copied.blocks)
+        progress(posts, total, f"reading {source}")
+    return copied
+
+
+_NONE = np.zeros(1 + len(REASONS), np.int64)
+Read = Callable[[Chunk], tuple[NDArray[np.generic], NDArray[np.int64]]]
+
+
+def _reader(dataset: rasterio.DatasetReader, planned: dict[str, Any]) -> Read:
+    """Return how chunks of the finest level are read, and their posts counted."""
+    if dataset.dtypes[0] == "uint8" and dataset.count >= 3:
+
+        def colours(chunk: Chunk) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
+            found, counts = read_colours(dataset, _window(chunk)), _NONE.copy()
+            counts[0] = np.count_nonzero(found[..., 0])
+            counts[1] = chunk.rows * chunk.cols - counts[0]
+            return found, counts
+
+        return colours
+    zero = ZeroSurface({"spacing_m": 1.0, **planned, **_size(dataset)})
     unit_m = float(planned.get("unit_m", 1.0))
-    rows = range(0, height, BLOCK)
-    for done, top in enumerate(rows):
-        window = Window(0, top, width, min(BLOCK, height - top))
-        strip = (
-            _picture(dataset, window)
-            if picture
-            else above_ellipsoid(_posts(dataset, window, unit_m), planned, top)
-        )
-        any_data |= picture or bool(np.isfinite(strip).any())
-        _write_strip(connection, source, 0, top // BLOCK, strip)
-        progress(done + 1, len(rows), f"reading {source.split('@', maxsplit=1)[0]}")
-    blocks = Blocks(connection, source, (height, width))
-    for level in range(1, level_count(width, height)):
-        _halve_level(connection, blocks, level)
-    return any_data
+
+    def heights(chunk: Chunk) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
+        zero_m = zero.at(chunk.top, chunk.left, chunk.rows, chunk.cols)
+        return _posts(dataset, _window(chunk), unit_m, zero_m)
+
+    return heights
 
 
-def _picture(dataset: rasterio.DatasetReader, window: Window) -> NDArray[np.generic]:
-    return np.asarray(np.moveaxis(dataset.read([1, 2, 3], window=window), 0, -1))
+def _size(dataset: rasterio.DatasetReader) -> dict[str, int]:
+    return {"width": dataset.width, "height": dataset.height}
+
+
+def _window(chunk: Chunk) -> Window:
+    return Window(chunk.left, chunk.top, chunk.cols, chunk.rows)
 
 
 def _posts(
-    dataset: rasterio.DatasetReader, window: Window, unit_m: float
-) -> NDArray[np.float32]:
+    dataset: rasterio.DatasetReader, window: Window, unit_m: float, zero_m: Floats
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Read elevations as heights above the ellipsoid, (rows, cols), and count them."""
     stored = dataset.read(1, window=window).astype(np.float64)
-    metres = (stored * dataset.scales[0] + dataset.offsets[0]) * unit_m
-    valid = dataset.read_masks(1, window=window) > 0
-    plausible = (metres > LOWEST_M) & (metres < HIGHEST_M)
-    return np.where(valid & plausible, metres, np.nan).astype(np.float32)
+    mask = dataset.read_masks(1, window=window)
+    counts = _NONE.copy()
+    scale, offset = dataset.scales[0] * unit_m, dataset.offsets[0] * unit_m
+    return _heights(stored, mask, zero_m, scale, offset, counts), counts
 
 
-def above_ellipsoid(
-    elevation_m: NDArray[np.float32], planned: dict[str, Any], top: int
+@kernel
+def _heights(
+    stored: Floats,
+    mask: NDArray[np.uint8],
+    zero_m: Floats,
+    scale: float,
+    offset: float,
+    counts: NDArray[np.int64],
 ) -> NDArray[np.float32]:
-    """Turn elevations of whole rows, the first being `top`, into heights."""
-    if planned["datum"] == "ellipsoid":
-        return elevation_m
-    rows, cols = elevation_m.shape
-    col, row = np.meshgrid(np.arange(cols, dtype=float), np.arange(top, top + rows) + 0.0)
-    lon, lat = Placement(planned).places(col.ravel(), row.ravel())
-    zero_m = undulation_m(planned["datum"], lon, lat).reshape(rows, cols)
-    return (elevation_m + zero_m).astype(np.float32)
+    out = np.empty(stored.shape, np.float32)
+    deep = False
+    for i in range(stored.shape[0]):
+        for j in range(stored.shape[1]):
+            metres = stored[i, j] * scale + offset
+            deep = deep or (stored[i, j] != FILLER and LOWEST_M < metres < DEEP_M)
+    for i in range(stored.shape[0]):
+        for j in range(stored.shape[1]):
+            value = stored[i, j]
+            metres = value * scale + offset
+            height = np.float32(metres + zero_m[i, j])
+            known = LOWEST_M < metres < HIGHEST_M
+            why = 0
+            if mask[i, j] == 0 or np.isnan(value):
+                why = 1
+            elif (value == FILLER and not deep) or (not known and _is_filler(value)):
+                why = 2
+            elif not known:
+                why = 3
+            elif not np.isfinite(height):
+                why = 4
+            counts[why] += 1
+            out[i, j] = height if why == 0 else np.nan
+    return out
 
 
-def _write_strip(
+@kernel
+def _is_filler(value: float) -> bool:
+    """Say whether a number that is no elevation is one that stands for no data."""
+    return value in (-32768.0, -32767.0, -99999.0) or abs(value) > 1e30
+
+
+def _write(
     connection: sqlite3.Connection,
     source: str,
-    level: int,
-    row: int,
-    strip: NDArray[np.generic],
+    chunk: Chunk,
+    posts: NDArray[np.generic],
 ) -> None:
-    for col, left in enumerate(range(0, strip.shape[1], BLOCK)):
-        block = np.ascontiguousarray(strip[:, left : left + BLOCK])
+    row = chunk.top // BLOCK
+    for left in range(0, chunk.cols, BLOCK):
+        block = np.ascontiguousarray(posts[:, left : left + BLOCK])
         body = zstd.compress(block.tobytes(), options=CHECKED)
-        key = (source, level, row, col, body)
+        key = (source, chunk.level, row, (chunk.left + left) // BLOCK, body)
         connection.execute("INSERT OR REPLACE INTO raster_block VALUES(?,?,?,?,?)", key)
 
 
-def _halve_level(connection: sqlite3.Connection, blocks: "Blocks", level: int) -> None:
-    height, width = level_shape(blocks.width, blocks.height, level)
-    for row, top in enumerate(range(0, height, BLOCK)):
-        bottom = min(top + BLOCK, height)
-        finer = blocks.window(level - 1, 2 * top, 2 * bottom, 0, 2 * width)
-        _write_strip(connection, blocks.source, level, row, _halve(finer))
+def _halved(
+    connection: sqlite3.Connection, source: str, planned: dict[str, Any], chunk: Chunk
+) -> NDArray[np.generic]:
+    """Average the finer level's posts in a chunk two by two."""
+    shape = (int(planned["height"]), int(planned["width"]))
+    # Opened for each chunk: its cache would grow to all that was ever read.
+    blocks = Blocks(connection, source, shape)
+    top, left = 2 * chunk.top, 2 * chunk.left
+    finer = blocks.window(
+        chunk.level - 1, top, top + 2 * chunk.rows, left, left + 2 * chunk.cols
+    )
+    return halve(finer)
 
 
-def _halve(finer: NDArray[np.generic]) -> NDArray[np.generic]:
+def halve(finer: NDArray[np.generic]) -> NDArray[np.generic]:
     """Average 2 x 2 posts; where some hold no data, the others."""
-    quads = np.stack([finer[r::2, c::2] for r in (0, 1) for c in (0, 1)]).astype(np.float32)
-    known = np.isfinite(quads)
-    total = np.where(known, quads, 0).sum(axis=0)
-    with np.errstate(invalid="ignore"):
-        mean = total / known.sum(axis=0)
-    halved = np.rint(mean) if finer.dtype == np.uint8 else mean
-    return np.asarray(halved.astype(finer.dtype))
+    if finer.ndim == 2:
+        return _halve_heights(finer.astype(np.float32, copy=False))
+    return halve_colours(finer.astype(np.uint8, copy=False))
+
+
+@kernel
+def _halve_heights(finer: NDArray[np.float32]) -> NDArray[np.float32]:
+    out = np.empty((finer.shape[0] // 2, finer.shape[1] // 2), np.float32)
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            total, known = np.float32(0.0), np.float32(0.0)
+            for k in range(4):
+                height = finer[2 * i + k // 2, 2 * j + k % 2]
+                if not np.isnan(height):
+                    total += height
+                    known += np.float32(1.0)
+            out[i, j] = total / known if known > 0 else np.float32(np.nan)
+    return out

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values between posts: triangles for heights, squares for pictures.
+"""Heights between posts.
 
 A source's surface is *its own posts joined by triangles*. The diagonal of each square
 of posts runs from (row, column) to (row + 1, column + 1), rows counted as in the file:
@@ -48,21 +48,4 @@ def triangulated(window: NDArray[np.float32], x: Floats, y: Floats) -> Floats:
         if max(fx, fy) < 1.0:
             total += (1.0 - max(fx, fy)) * window[r, c]
         out[i] = total
-    return out
-
-
-@kernel
-def bilinear_rgb(window: NDArray[np.uint8], x: Floats, y: Floats) -> NDArray[np.float32]:
-    """Interpolate a picture; (n, 3) float32, 0..255, edges repeated."""
-    height, width = window.shape[0], window.shape[1]
-    out = np.empty((len(x), 3), np.float32)
-    for i in range(len(x)):
-        xi, yi = min(max(x[i], 0.0), width - 1.0), min(max(y[i], 0.0), height - 1.0)
-        c, r = int(xi), int(yi)
-        c1, r1 = min(c + 1, width - 1), min(r + 1, height - 1)
-        fx, fy = xi - c, yi - r
-        for k in range(3):
-            north = window[r, c, k] * (1 - fx) + window[r, c1, k] * fx
-            south = window[r1, c, k] * (1 - fx) + window[r1, c1, k] * fx
-            out[i, k] = north * (1 - fy) + south * fy
     return out

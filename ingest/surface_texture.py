@@ -4,15 +4,17 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.boxes import overlap
+from ingest.drape import SHARE, drape
 from ingest.layer import Layer
-from ingest.terrain_mesh import lattice_places
 from tiles import cells, geodesy
 from tiles.frames import WGS84_A_M, Floats
-from tiles.kernels import kernel
+from tiles.kernels import inlined, kernel, summing
 from tiles.terrain import TEXTURE_SIDE
 
+Rows = NDArray[np.float32]
 TINT_M = np.array(
-    [-8000.0, -4000, -200, 0.2, 1.5, 150, 600, 1500, 2600, 3800, 5000, 5600, 8900]
+    [-8000.0, -4000, -200, 0.2, 1.5, 150, 600, 1500, 2600, 3800, 5000], np.float32
 )
 """The sea's colours reach up to where an elevation model that knows no sea says 0."""
 TINT_RGB = np.array(
@@ -28,17 +30,27 @@ TINT_RGB = np.array(
         (136, 122, 102),
         (132, 124, 114),
         (168, 164, 160),
-        (232, 236, 242),
-        (248, 250, 252),
     ],
     np.float32,
 )
-LIGHT = np.array([-0.5, 0.5, 0.70710678])
+LAST = len(TINT_M) - 2
+LIGHT = np.array([-0.5, 0.5, 0.70710678], np.float32)
 """Towards the light, east-north-up: north-west, 45 degrees high, as maps are lit."""
-COARSE_M, COARSE_SHARE = 1000.0, 0.75
-"""A picture of the whole earth is far coarser than the relief under it: a quarter of the
-height tint keeps valleys and summits apart. The same at every level, so no seam shows."""
 ROCK_RGB = np.array([122, 112, 102], np.float32)
+SNOW_RGB = np.array([222, 228, 236], np.float32)
+SNOW_LAT_DEG = np.array([-66.0, -60, -45, -28, 0, 28, 45, 62, 72, 80, 90])
+SNOW_LINE_M = np.array([-500.0, 400, 2300, 5300, 4900, 5300, 2900, 1400, 800, 250, 100])
+"""Height above which half the ground is white all year; all of Antarctica is."""
+SNOW_SHARE = np.float32(1 / 700.0)
+"""How much more of the ground is white a metre higher up."""
+ZERO, ONE, WHITE = np.float32(0.0), np.float32(1.0), np.float32(255.0)
+STEEP, STEEPEST = np.float32(0.86), np.float32(1 / 0.25)
+"""Upward part of a unit normal where rock begins to show, and how fast it does below."""
+MOST_ROCK = np.float32(0.8)
+FINER, RELIEF_TEXELS = 0.7, 1.998
+FLAT_M = 0.5
+"""Ground whose posts differ by less shows no relief at any level."""
+SHADE, SUN = np.float32(0.46), np.float32(0.54 / 0.70710678)
 
 
 def colours(
@@ -56,96 +68,141 @@ def colours(
     -------
     (256, 256, 3) float32, sRGB 0..255, row 0 south
     """
-    lon, lat = _texel_places(cell)
     texel_m = float(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE
-    steeper = 1.0 + 1.5 * float(np.clip(np.log10(max(texel_m, 1.0) / 100.0), 0.0, 2.5))
-    picture = np.zeros((TEXTURE_SIDE, TEXTURE_SIDE, 3), np.float32)
-    share = np.zeros((TEXTURE_SIDE, TEXTURE_SIDE), np.float32)
-    for layer in pictures:
-        found = layer.colours(lon.ravel(), lat.ravel(), texel_m).reshape(*lon.shape, 3)
-        there = np.isfinite(found[..., 0])
-        picture[there] = found[there]
-        share[there] = COARSE_SHARE if layer.spacing_m > COARSE_M else 1.0
-    inner = np.ascontiguousarray(elevation_m[1:-1, 1:-1])
-    return _shade(_normals(cell, height_m), inner, picture, share, steeper)
+    steeper = 1.0 + 2.2 * float(np.clip(np.log10(max(texel_m, 1.0) / 100.0), 0.0, 2.5))
+    posts = _posts(height_m, elevation_m, *_spacings_m(cell, height_m.shape[0] - 3))
+    return _painted(posts, drape(cell, pictures), _snow_line_m(cell), np.float32(steeper))
 
 
-def _texel_places(cell: int) -> tuple[Floats, Floats]:
-    west, south, east, north = cells.bounds_rad(cell)
-    middle = (np.arange(TEXTURE_SIDE) + 0.5) / TEXTURE_SIDE
-    lon, lat = np.meshgrid(west + middle * (east - west), south + middle * (north - south))
-    return lon, lat
+def _snow_line_m(cell: int) -> NDArray[np.float32]:
+    """Return where snow begins to lie, for each row of texels, (256,) m above the sea."""
+    _, south, _, north = cells.bounds_rad(cell)
+    lat = south + (np.arange(TEXTURE_SIDE) + 0.5) / TEXTURE_SIDE * (north - south)
+    line_m = np.interp(np.degrees(lat), SNOW_LAT_DEG, SNOW_LINE_M)
+    return np.asarray(line_m - 0.5 / SNOW_SHARE, np.float32)
 
 
-def _normals(cell: int, height_m: Floats) -> Floats:
-    """Return unit normals in east-north-up of the inner posts, (n + 1, n + 1, 3)."""
-    side = height_m.shape[0] - 3
-    lon, lat = lattice_places(cell, side)
-    step = np.ptp(lon[0]) / side
-    metres = step * WGS84_A_M
-    width = metres * np.maximum(np.cos(lat), 1e-3)
-    east = (height_m[1:-1, 2:] - height_m[1:-1, :-2]) / (2 * width)
-    north = (height_m[2:, 1:-1] - height_m[:-2, 1:-1]) / (2 * metres)
-    normal = np.stack([-east, -north, np.ones_like(east)], axis=-1)
-    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+def texel_m_of(
+    cell: int, elevation_m: Floats, terrain: list[Layer], pictures: list[Layer]
+) -> float:
+    """Return the size of a cell's texels, or 0 where the cells below it show no more.
 
-
-@kernel
-def _shade(
-    normal: Floats,
-    elevation_m: Floats,
-    picture: NDArray[np.float32],
-    share: NDArray[np.float32],
-    steeper: float,
-) -> NDArray[np.float32]:
-    """Paint every texel: height tint, rock where it is steep, picture, relief.
+    They do where a picture is clearly finer than the texels, or an elevation model than
+    the posts that this cell's relief is made from (two texels apart), unless all is flat.
 
     Parameters
     ----------
-    normal, elevation_m : (m, m, 3) and (m, m) at the posts, row 0 south
-    picture, share : (256, 256, 3) and (256, 256), how much of the picture counts
-    steeper : exaggeration of slopes in the relief, for coarse tiles
+    elevation_m : posts of the cell above sea level
+    terrain : elevation models that hold posts in the cell
+    pictures : all of them
     """
-    side = elevation_m.shape[0] - 1
-    size = picture.shape[0]
-    out = np.empty_like(picture)
-    bent = np.empty(3)
-    for y in range(size):
-        v = (y + 0.5) / size * side
-        r = min(int(v), side - 1)
-        fy = v - r
-        for x in range(size):
-            u = (x + 0.5) / size * side
-            c = min(int(u), side - 1)
-            fx = u - c
-            w00, w01 = (1 - fx) * (1 - fy), fx * (1 - fy)
-            w10, w11 = (1 - fx) * fy, fx * fy
-            for k in range(3):
-                south = w00 * normal[r, c, k] + w01 * normal[r, c + 1, k]
-                bent[k] = south + w10 * normal[r + 1, c, k] + w11 * normal[r + 1, c + 1, k]
-            height = w00 * elevation_m[r, c] + w01 * elevation_m[r, c + 1]
-            height += w10 * elevation_m[r + 1, c] + w11 * elevation_m[r + 1, c + 1]
-            rock = min(max((0.86 - bent[2]) / 0.25, 0.0), 0.8) if height > 0 else 0.0
-            light = _light(bent, steeper)
-            step = 1
-            while step < len(TINT_M) - 1 and height > TINT_M[step]:
-                step += 1
-            part = (height - TINT_M[step - 1]) / (TINT_M[step] - TINT_M[step - 1])
-            part = min(max(part, 0.0), 1.0)
-            for k in range(3):
-                tint = TINT_RGB[step - 1, k] + part * (
-                    TINT_RGB[step, k] - TINT_RGB[step - 1, k]
-                )
-                tint += rock * (ROCK_RGB[k] - tint)
-                colour = tint + share[y, x] * (picture[y, x, k] - tint)
-                out[y, x, k] = min(max(colour * light, 0.0), 255.0)
-    return out
+    texel_m = float(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE
+    shown = [p for p in pictures if overlap(cell, p.bounds_deg)]
+    finer = any(p.spacing_m < FINER * texel_m for p in shown)
+    if np.ptp(elevation_m) > FLAT_M:
+        finer |= any(one.spacing_m < RELIEF_TEXELS * texel_m for one in terrain)
+    return texel_m if finer else 0.0
+
+
+def _spacings_m(cell: int, side: int) -> tuple[Floats, float]:
+    """Return the distance of the posts: eastwards, (n + 1) rows, and northwards."""
+    _, south, _, north = cells.bounds_rad(cell)
+    lat = south + np.arange(side + 1) / side * (north - south)
+    metres = float(north - south) / side * WGS84_A_M
+    return metres * np.maximum(np.cos(lat), 1e-3), metres
 
 
 @kernel
-def _light(normal: Floats, steeper: float) -> float:
+def _posts(height_m: Floats, elevation_m: Floats, east_m: Floats, north_m: float) -> Rows:
+    """Return the inner posts' unit normals, east-north-up, and elevations.
+
+    Returns
+    -------
+    (n + 1, n + 1, 4) float32
+    """
+    side = height_m.shape[0] - 2
+    out = np.empty((side, side, 4), np.float32)
+    for r in range(side):
+        for c in range(side):
+            east = (height_m[r + 1, c] - height_m[r + 1, c + 2]) / (2 * east_m[r])
+            north = (height_m[r, c + 1] - height_m[r + 2, c + 1]) / (2 * north_m)
+            up = 1.0 / np.sqrt(east * east + north * north + 1.0)
+            out[r, c, 0], out[r, c, 1], out[r, c, 2] = east * up, north * up, up
+            out[r, c, 3] = elevation_m[r + 1, c + 1]
+    return out
+
+
+@summing
+def _painted(
+    posts: Rows, picture: Rows, snow_m: NDArray[np.float32], steeper: np.float32
+) -> Rows:
+    """Paint every texel: height tint, snow, rock where it is steep, picture, relief.
+
+    Parameters
+    ----------
+    posts : of `_posts`, row 0 south
+    picture : (256, 256, 5) of `drape`
+    snow_m : (256,) of `_snow_line_m`
+    steeper : exaggeration of slopes in the relief, for coarse tiles
+    """
+    side, size = posts.shape[0] - 1, picture.shape[0]
+    out = np.empty((size, size, 3), np.float32)
+    spread = np.float32(side / size)
+    step = 0
+    for y in range(size):
+        v = (np.float32(y) + np.float32(0.5)) * spread
+        r = min(int(v), side - 1)
+        fy = v - np.float32(r)
+        for x in range(size):
+            u = (np.float32(x) + np.float32(0.5)) * spread
+            c = min(int(u), side - 1)
+            fx = u - np.float32(c)
+            east = _between(posts, r, c, 0, fx, fy)
+            north = _between(posts, r, c, 1, fx, fy)
+            up = _between(posts, r, c, 2, fx, fy)
+            height = _between(posts, r, c, 3, fx, fy)
+            step = _step(height, step)
+            part = (height - TINT_M[step]) / (TINT_M[step + 1] - TINT_M[step])
+            part = min(max(part, ZERO), ONE)
+            rock = snow = ZERO
+            if height > ZERO:
+                rock = min(max((STEEP - up) * STEEPEST, ZERO), MOST_ROCK)
+                snow = min(max((height - snow_m[y]) * SNOW_SHARE, ZERO), ONE)
+            light = _light(east * steeper, north * steeper, up)
+            bare = ONE - picture[y, x, SHARE]
+            for k in range(3):
+                tint = TINT_RGB[step, k]
+                tint += part * (TINT_RGB[step + 1, k] - tint)
+                tint += snow * (SNOW_RGB[k] - tint)
+                tint += rock * (ROCK_RGB[k] - tint)
+                colour = (bare * tint + picture[y, x, k]) * light
+                out[y, x, k] = min(max(colour, ZERO), WHITE)
+    return out
+
+
+@inlined
+def _between(
+    posts: Rows, r: int, c: int, k: int, fx: np.float32, fy: np.float32
+) -> np.float32:
+    """Interpolate a value of the posts."""
+    south = posts[r, c, k] + fx * (posts[r, c + 1, k] - posts[r, c, k])
+    north = posts[r + 1, c, k] + fx * (posts[r + 1, c + 1, k] - posts[r + 1, c, k])
+    return np.float32(south + fy * (north - south))
+
+
+@inlined
+def _step(height: np.float32, step: int) -> int:
+    """Return the pair of tints that a height lies between, from the last texel's pair."""
+    while step < LAST and height > TINT_M[step + 1]:
+        step += 1
+    while step > 0 and height <= TINT_M[step]:
+        step -= 1
+    return step
+
+
+@inlined
+def _light(east: np.float32, north: np.float32, up: np.float32) -> np.float32:
     """Brightness of a slope: 1 on the flat."""
-    east, north = normal[0] * steeper, normal[1] * steeper
-    length = np.sqrt(east * east + north * north + normal[2] * normal[2])
-    along = east * LIGHT[0] + north * LIGHT[1] + normal[2] * LIGHT[2]
-    return float(0.42 + 0.58 * max(along / length, 0.0) / LIGHT[2])
+    along = east * LIGHT[0] + north * LIGHT[1] + up * LIGHT[2]
+    length = np.sqrt(east * east + north * north + up * up)
+    return np.float32(SHADE + SUN * max(along / length, ZERO))

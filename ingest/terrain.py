@@ -1,38 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ingest of elevation models and pictures: plan, read, mesh, swap the index."""
 
-import secrets
-import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from rasterio import DatasetReader
 from rasterio.errors import RasterioError
 
 from ingest.boxes import Box, grown, meet
-from ingest.datum import datum_of, unit_m
-from ingest.dem import describe, open_raster, unreadable
+from ingest.clock import Clock
+from ingest.dem import bounded, open_raster, unreadable
+from ingest.journal import Journal, digest
 from ingest.mosaic import Mosaic
-from ingest.raster_copy import Progress, copy_in
-from ingest.terrain_build import Recipe, Source, rebuild, require_generation
+from ingest.raster_copy import REASONS, Progress, copy_in
+from ingest.raster_plan import RasterOptions, Source, check_kinds, plan, plan_all, said_of
+from ingest.terrain_build import Recipe, rebuild
 from tiles.errors import InputError
 from tiles.writer import Writer
 
-RGB = 3
-
-
-@dataclass(frozen=True, slots=True)
-class RasterOptions:
-    """What the user states about a raster."""
-
-    kind: str = "terrain"
-    name: str | None = None
-    crs: str | None = None
-    datum: str | None = None
+__all__ = [
+    "RasterOptions",
+    "copy",
+    "editing",
+    "ingest_rasters",
+    "plan",
+    "remove_raster",
+]
 
 
 def silent(done: int, total: int, what: str) -> None:
@@ -59,136 +54,113 @@ def ingest_rasters(
     Raises
     ------
     InputError
-        Nothing is half-written then: the store is as it was, or was not made.
+        Readers see nothing of it then; a store made for it is taken away again.
     """
-    start_s = time.perf_counter()
+    clock = Clock()
     planned = plan_all(files)
     with editing(store) as writer:
-        generation = int(writer.meta("generation"))
+        journal = Journal(writer)
         named = {source["name"]: source for source in writer.sources()}
         check_kinds(named, planned)
-        new = {source["name"]: copy(writer, source, progress) for source in planned}
+        command = f"done {digest(planned)}"
+        if report := journal.said(command):
+            return report
+        # The sample earth is planned first; what is wrong with other files shows sooner.
+        copied = [copy(writer, one, progress, journal) for one in reversed(planned)]
+        new = {source["name"]: source for source in reversed(copied)}
+        clock.lap("read")
         before = [named[name] for name in new if name in named]
         after = list({**named, **new}.values())
         changed = [*before, *new.values()]
-        report = change(writer, generation, after, changed, workers, progress)
-    posts = sum(source["width"] * source["height"] for source in planned)
-    sources = [{"name": s["name"], "datum": s.get("datum")} for s in planned]
-    counts = {"read": posts, "stored": posts, "merged": 0, "skipped": 0, "repaired": 0}
-    seconds = round(time.perf_counter() - start_s, 2)
-    return {
-        **counts,
-        "skipped_by_reason": {},
-        **report,
-        "sources": sources,
-        "seconds": seconds,
-    }
+        report = posts_of(list(new.values()))
+        report |= change(journal, after, changed, workers, progress, clock)
+        report |= clock.report(report["read"])
+        if writer.object_count():
+            # Buildings stand on the old terrain still: who comes back, goes on there.
+            journal = Journal(writer)
+            with journal.step():
+                journal.say(command, report)
+    return report
+
+
+def posts_of(copied: list[Source]) -> dict[str, Any]:
+    """Count the posts that were read, and say what each source is."""
+    reasons: Counter[str] = Counter()
+    for source in copied:
+        reasons.update(source["posts"]["skipped"])
+    stored = sum(source["posts"]["stored"] for source in copied)
+    counts = {"read": stored + reasons.total(), "stored": stored, "merged": 0}
+    counts |= {"skipped": reasons.total(), "repaired": 0}
+    about = [said_of(source) for source in copied]
+    return {**counts, "skipped_by_reason": dict(reasons), "sources": about}
 
 
 @contextmanager
 def editing(store: str | Path) -> Iterator[Writer]:
-    """Open a store for writing; a new one that comes to nothing is taken away again."""
+    """Open a store for writing; a new one that comes to nothing is taken away again.
+
+    One whose making is interrupted stays: it holds what was done so far.
+    """
     fresh = not Path(store).exists()
     writer = Writer(store)
     try:
         yield writer
-    except BaseException:
+    except Exception:
         writer.close()
         if fresh:
             for tail in ("", "-wal", "-shm"):
                 Path(f"{store}{tail}").unlink(missing_ok=True)
         raise
-    writer.close()
+    finally:
+        writer.close()
 
 
-def plan_all(files: Sequence[tuple[Path, RasterOptions]]) -> list[Source]:
-    """Check all files before anything is written.
+def copy(
+    writer: Writer, source: Source, progress: Progress, journal: Journal | None = None
+) -> Source:
+    """Copy a planned file's posts into the store under a key that nobody names yet.
+
+    Returns
+    -------
+    The source with its `blocks`, and the posts `stored` and `skipped`, by reason.
 
     Raises
     ------
     InputError
+        Also when no post holds data.
     """
-    planned = [plan(path, options) for path, options in files]
-    names = [source["name"] for source in planned]
-    for k, (path, _) in enumerate(files):
-        if names[k] in names[:k]:
-            reason = f"another file is called {names[k]!r} too"
-            raise InputError(path, reason, "ingest them one by one, each with --name")
-    return planned
-
-
-def check_kinds(named: dict[str, Source], planned: list[Source]) -> None:
-    """Refuse a source that would replace one of another kind."""
-    for source in planned:
-        kind = named.get(source["name"], source)["kind"]
-        if kind != source["kind"]:
-            reason = f"a {kind} source called {source['name']!r} is in the store"
-            raise InputError(source["path"], reason, "choose another with --name")
-
-
-def plan(path: Path, options: RasterOptions) -> Source:
-    """Check one file before anything is written."""
-    with open_raster(path) as dataset:
-        picture = is_picture(path, dataset)
-        if picture != (options.kind == "imagery"):
-            reason = "is a picture" if picture else "is not an RGB picture"
-            other = "imagery" if picture else "terrain"
-            raise InputError(path, reason, f"use `geopage ingest {other}`")
-        source: Source = asdict(describe(path, dataset, options.crs))
-        if not picture:
-            wkt = dataset.crs.to_wkt() if dataset.crs else None
-            source["datum"] = datum_of(path, options.datum, options.crs or wkt)
-            whole = np.issubdtype(np.dtype(dataset.dtypes[0]), np.integer)
-            source["unit_m"] = unit_m(options.datum, options.crs or wkt, dataset.units[0])
-            step = abs(dataset.scales[0]) * source["unit_m"]
-            source["vertical_step_m"] = step if whole else 0.0
-    name = options.name or path.name.split(".")[0] or path.name
-    return {**source, "name": name, "kind": options.kind}
-
-
-def is_picture(path: Path, dataset: DatasetReader) -> bool:
-    """Say whether a raster holds colours, not elevations."""
-    colour = dataset.colorinterp[0].name
-    if colour == "palette":
-        advice = "convert it with gdal_translate -expand rgb"
-        raise InputError(path, "holds palette indices", advice)
-    if colour == "red" and dataset.dtypes[0] != "uint8":
-        advice = "convert it with gdal_translate -ot Byte -scale"
-        raise InputError(path, f"holds {dataset.dtypes[0]} colours", advice)
-    return bool(dataset.dtypes[0] == "uint8" and dataset.count >= RGB)
-
-
-def copy(writer: Writer, source: Source, progress: Progress) -> Source:
-    """Copy a planned file's posts into the store under a key that nobody names yet."""
-    key = f"{source['name']}@{secrets.token_hex(4)}"
-    with open_raster(source["path"]) as dataset, writer.transaction():
+    journal = journal or Journal(writer)
+    with bounded(), journal.undisturbed(), open_raster(source["path"]) as dataset:
         try:
-            held = copy_in(writer.connection, key, dataset, source, progress)
+            copied = copy_in(journal, digest(source), dataset, source, progress)
         except RasterioError as error:
             raise unreadable(source["path"], error) from error
-        if not held:
-            raise InputError(source["path"], "holds no data", "check its nodata value")
-    return {**source, "blocks": key}
+    if not copied.stored:
+        raise InputError(source["path"], "holds no data", "check its nodata value")
+    counts = zip(REASONS, copied.skipped, strict=True)
+    skipped = {why: count for why, count in counts if count}
+    posts = {"stored": copied.stored, "skipped": skipped}
+    return {**source, "blocks": copied.blocks, "posts": posts}
 
 
-def affected(mosaics: Sequence[Mosaic], changed: Sequence[Source]) -> list[Box]:
+def affected(sources: Sequence[Source], changed: Sequence[Source]) -> list[Box]:
     """Return the boxes, feather included, in which changed sources change the terrain.
 
     Where a source changes, so does the bend of the surface around finer ones that meet it.
 
     Parameters
     ----------
-    mosaics : before and after the change
+    sources : elevation models before and after the change, with their `reach_m`
     changed : sources that came, went or were replaced
     """
     raw = [source for source in changed if source["kind"] in {"terrain", "imagery"}]
     boxes: list[Box] = [tuple(source["bounds_deg"]) for source in raw]
     terrain = [box for box, source in zip(boxes, raw, strict=True) if _is_terrain(source)]
-    for mosaic in mosaics:
-        for layer in mosaic.layers:
-            box = grown(layer.bounds_deg, mosaic.reach_m(layer))
-            if any(meet(box, one) for one in terrain) and mosaic.reach_m(layer):
-                terrain.append(box)
+    for source in sources:
+        reach_m = float(source.get("reach_m", 0.0))
+        box = grown(tuple(source["bounds_deg"]), reach_m)
+        if reach_m and any(meet(box, one) for one in terrain):
+            terrain.append(box)
     return boxes + terrain
 
 
@@ -197,33 +169,35 @@ def _is_terrain(source: Source) -> bool:
 
 
 def change(
-    writer: Writer,
-    generation: int,
+    journal: Journal,
     after: list[Source],
     changed: list[Source],
     workers: int,
     progress: Progress,
+    clock: Clock,
 ) -> dict[str, Any]:
     """Give a store other sources and make the terrain again where that changes it."""
-    require_generation(writer, generation)
-    old = Mosaic(writer.connection, writer.sources("terrain"))
-    new = Mosaic(writer.connection, after)
-    boxes = affected((old, new), changed)
-    for layer in new.layers:
+    journal.require()  # else the copies may be gone
+    writer = journal.writer
+    old = writer.sources("terrain")
+    mosaic = Mosaic(writer.connection, after)
+    for layer in mosaic.layers:
         source = next(one for one in after if one["name"] == layer.name)
-        source["reach_m"] = new.reach_m(layer)
-    recipe = Recipe(str(writer.path), after, new.rims, boxes)
-    return rebuild(writer, recipe, generation, workers, progress)
+        source["reach_m"] = mosaic.reach_m(layer)
+    boxes = affected([*old, *filter(_is_terrain, after)], changed)
+    recipe = Recipe(str(writer.path), after, mosaic.rims, boxes)
+    clock.lap("rims")
+    return rebuild(journal, recipe, workers, progress, clock)
 
 
 def remove_raster(
     store: str | Path, name: str, workers: int = 0, progress: Progress = silent
 ) -> dict[str, Any]:
     """Take a terrain or imagery source out and make the terrain again without it."""
+    clock = Clock()
     with editing(store) as writer:
-        generation = int(writer.meta("generation"))
         sources = writer.sources()
         gone = [source for source in sources if source["name"] == name]
         rest = [source for source in sources if source["name"] != name]
-        report = change(writer, generation, rest, gone, workers, progress)
+        report = change(Journal(writer), rest, gone, workers, progress, clock)
     return {"removed": name, **report}

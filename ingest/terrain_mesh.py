@@ -1,28 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mesh of one terrain cell: greedy surface, skirt, 16-byte vertices."""
 
+import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.greedy import simplify
+from ingest.greedy import Triangulation
 from tiles import cells, geodesy
 from tiles.frames import Ecef, Floats, Local
-from tiles.mesh import SEA, SKIRT, UV_ONE, VERTEX, Mesh, quantise
+from tiles.mesh import SKIRT, STEPS, UV_ONE, VERTEX, Mesh, quantise
+
+
+def snapped(uv: Floats) -> NDArray[np.int64]:
+    """Round fractions of a cell to those that a vertex can have, 0..UV_ONE."""
+    at = np.rint(uv * UV_ONE).astype(np.int64)
+    # Only what lies on an edge may be rounded to it.
+    inside = (uv > 1e-9) & (uv < 1 - 1e-9)
+    return np.asarray(np.where(inside, np.clip(at, 1, UV_ONE - 1), at))
 
 
 @dataclass(frozen=True, slots=True)
-class Lattice:
-    """Posts of one cell on a regular grid of longitude and latitude."""
+class Places:
+    """What a mesh may use as vertices; the cell's corners come first."""
 
-    cell: int
-    lon_rad: Floats
-    """(n + 1, n + 1), row 0 south, column 0 west"""
-    lat_rad: Floats
-    height_m: Floats
+    at: NDArray[np.int64]
+    """(n, 2), 0..UV_ONE, east and north, no two alike"""
     points: Ecef
-    """(n + 1, n + 1, 3) float64"""
+    """(n, 3) m"""
+    lean: int = 1
+    """Diagonal of the posts' triangles: 1 north-west to south-east, -1 the other"""
+
+    @classmethod
+    def of(cls, at: NDArray[np.int64], points: Floats, lean: int = 1) -> Self:
+        """Take the first of places that are alike; the first four are the corners."""
+        keys = at[:, 0] * (2 * UV_ONE) + at[:, 1]
+        first = np.sort(np.unique(keys, return_index=True)[1])
+        return cls(at[first], Ecef(points[first]), lean)
+
+
+LEAN = 1 / 16
+POLAR_RAD = math.pi / 2 - 1e-9
+CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+"""South-west, south-east, north-east, north-west"""
 
 
 def lattice_places(cell: int, side: int, margin: int = 0) -> tuple[Floats, Floats]:
@@ -31,12 +53,6 @@ def lattice_places(cell: int, side: int, margin: int = 0) -> tuple[Floats, Float
     steps = np.arange(-margin, side + 1 + margin) / side
     lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
     return lon, np.clip(lat, -np.pi / 2, np.pi / 2)
-
-
-def lattice_of(cell: int, lon_rad: Floats, lat_rad: Floats, height_m: Floats) -> Lattice:
-    """Place posts in ECEF."""
-    points = geodesy.to_ecef(lon_rad, lat_rad, height_m)
-    return Lattice(cell, lon_rad, lat_rad, height_m, points)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,32 +66,95 @@ class Surface:
     """(v, 2) fractions of the cell, east and north"""
     points: Floats
     """(v, 3) float64 m around mesh.centre"""
+    used: NDArray[np.int64]
+    """(v,) which of the places became vertices"""
+    weight_m: Floats
+    """(v,) how much each vertex matters: its distance from the surface without it"""
+    across: NDArray[np.int64]
+    """(t, 3) in a cell at a pole the triangle across from each edge, else -1"""
 
 
-def build_surface(lattice: Lattice, sea: NDArray[np.bool_], bound_m: float) -> Surface:
-    """Triangulate a lattice within a bound and add the skirt.
+class Meshing:
+    """A cell's mesh while it is refined."""
+
+    def __init__(self, cell: int, places: Places, *, upright: bool = False) -> None:
+        """Take what may be a vertex; `upright` to measure along the vertical."""
+        self._cell, self._lean = cell, places.lean
+        self._centre = Ecef(places.points[:4].mean(axis=0))
+        local = np.ascontiguousarray(places.points - self._centre)
+        self._rounding_m = np.sqrt(3) / 2 * float(np.abs(local).max()) / STEPS
+        flat = on_map(cell, places.at, places.lean)
+        middle = np.asarray(self._centre) * float(upright)
+        self._net = Triangulation(places.at, flat, local, middle)
+
+    def refine(self, bound_m: float) -> None:
+        """Insert places until none is further than a bound, rounding included."""
+        self._net.refine(max(bound_m - self._rounding_m, 0.0))
+
+    def refine_wholly(self) -> None:
+        """Insert all places."""
+        self._net.refine_wholly()
+
+    def add(self, at: NDArray[np.int64], points: Floats, near: NDArray[np.int64]) -> bool:
+        """Add places, (n, 2), that must be vertices; False when there are too many.
+
+        Parameters
+        ----------
+        near : (n,) triangles of the last surface that they probably lie over
+        """
+        flat = on_map(self._cell, at, self._lean)
+        return self._net.add(at, flat, points - self._centre, near)
+
+    def surface(self) -> Surface:
+        """Return the mesh as it is now, its skirt included."""
+        net = self._net.result()
+        steps, scale_m = quantise(Local(net.points))
+        vertices = np.zeros(len(net.used), VERTEX)
+        vertices["position"], vertices["detail"] = steps, net.at
+        uv = net.at / UV_ONE
+        west, south, east, north = cells.bounds_rad(self._cell)
+        lon, lat = west + uv[:, 0] * (east - west), south + uv[:, 1] * (north - south)
+        vertices["normal"][:, :3] = np.rint(geodesy.up(lon, lat) * 127)
+        skirt, walls = _skirt(vertices, net.border)
+        indices = np.concatenate([net.triangles, walls]).astype("<u2").ravel()
+        mesh = Mesh(self._centre, scale_m, np.concatenate([vertices, skirt]), indices)
+        across = net.across if at_pole(self._cell) else np.full_like(net.across, -1)
+        points = mesh.local[: len(uv)]
+        return Surface(mesh, net.triangles, uv, points, net.used, net.weight_m, across)
+
+
+def build_surface(cell: int, places: Places, bound_m: float) -> Surface:
+    """Triangulate a cell within a bound and add the skirt.
 
     Parameters
     ----------
-    sea : (n + 1, n + 1) bool, posts below sea level
-    bound_m : largest distance of a post from its triangle, rounding apart
+    bound_m : largest distance of a place from its triangle, rounding included
     """
-    side = lattice.points.shape[0]
-    centre = lattice.points[side // 2, side // 2].copy()
-    local = np.ascontiguousarray(lattice.points - centre)
-    used, triangles, border = simplify(local, bound_m)
-    steps, scale_m = quantise(Local(local.reshape(-1, 3)[used]))
-    vertices = np.zeros(len(used), VERTEX)
-    vertices["position"] = steps
-    vertices["flags"] = np.where(sea.ravel()[used], SEA, 0)
-    uv = np.stack([used % side, used // side], axis=1) / (side - 1)
-    vertices["detail"] = np.rint(uv * UV_ONE)
-    up = geodesy.up(lattice.lon_rad.ravel()[used], lattice.lat_rad.ravel()[used])
-    vertices["normal"][:, :3] = np.rint(up * 127)
-    skirt, skirt_triangles = _skirt(vertices, border)
-    indices = np.concatenate([triangles, skirt_triangles]).astype("<u2").ravel()
-    mesh = Mesh(Ecef(centre), scale_m, np.concatenate([vertices, skirt]), indices)
-    return Surface(mesh, triangles, uv, mesh.local[: len(used)])
+    meshing = Meshing(cell, places)
+    meshing.refine(bound_m)
+    return meshing.surface()
+
+
+def at_pole(cell: int) -> bool:
+    """Say whether a cell reaches to a pole."""
+    return max(abs(float(edge)) for edge in cells.bounds_rad(cell)[1::2]) > POLAR_RAD
+
+
+def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:
+    """Return places on a map of the cell on which triangles should be compact, (n, 2).
+
+    The map has the cell's proportions, a little longer along one diagonal, so that four
+    posts are joined along the other; of a cell at a pole it is stereographic.
+    """
+    west, south, east, north = (float(edge) for edge in cells.bounds_rad(cell))
+    u, v = (at / UV_ONE).T
+    if not at_pole(cell):
+        wide = (east - west) / (north - south) * math.cos((south + north) / 2)
+        return np.stack([wide * (u + LEAN * lean * v), v + LEAN * lean * u], axis=1)
+    turn = math.copysign(1.0, south + north)
+    radius = np.tan((np.pi / 2 - turn * (south + v * (north - south))) / 2)
+    angle = u * (east - west)
+    return np.stack([radius * np.sin(angle), -turn * radius * np.cos(angle)], axis=1)
 
 
 def _skirt(

@@ -1,52 +1,64 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All terrain tiles of one zone: depth first, one path of surfaces in memory.
+"""All terrain tiles of one zone, made subtree by subtree.
 
-Going down, every inner cell is meshed at its own resolution. At each leaf the surfaces
-of all its ancestors are measured at the leaf's posts, so that an inner tile's error is
-its largest distance from the finest data below it, and grows monotonically upwards.
+A leaf is meshed on its source's own posts. Inside a subtree an inner cell is meshed from
+the vertices of its children, and held to its bound at every post below it. The few large
+cells above the subtrees are meshed on a lattice of their own and measured at every post
+of every subtree. So each tile's error is its largest distance from the finest data, and
+grows monotonically upwards.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import Box, overlap, touches
+from ingest.deviation import deviation_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
+from ingest.terrain_mesh import Places, Surface, build_surface
 from ingest.terrain_tile import (
-    LARGEST_BOUND_M,
     LEAF_SIDE,
-    Painted,
-    error_under,
-    leaf_error_m,
-    leaf_lattice,
-    paint,
+    fitted,
+    inner_bound_m,
+    joined,
+    lattice_of,
+    painted,
     step_m,
-    tile_of,
+    window_in,
 )
-from tiles import bounds, cells, geodesy
+from ingest.truth import Truth, places_of, post_count, truth_of
+from tiles import bounds, cells, geodesy, terrain
 from tiles.codec import checksum
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
-from tiles.terrain import TEXTURE_SIDE, encode
+from tiles.mesh import UV_ONE
+from tiles.terrain import TEXTURE_SIDE, TerrainTile, encode
 
+HEIGHTS = "min_height_m", "max_height_m"
 MAX_LEVEL = 20
-PROBE = 17
+MOST_POSTS = 40_000
+FLAT_TRIANGLES = 200
+"""Four leaves that need no more than this together become one."""
+FLAT_TEXELS = 2.0
+"""... as long as a texel is no larger than this many posts"""
 
 
 @dataclass(slots=True)
 class Node:
-    """A cell on the path from the zone's root, while its descendants are made."""
+    """A cell whose tile is being made, or stays."""
 
     cell: int
-    painted: Painted | None
+    surface: Surface | None = None
     """None where the stored tile stays"""
     error_m: float = 0.0
     low_m: float = np.inf
     high_m: float = -np.inf
     children: list["Node"] = field(default_factory=list)
+    truths: list[Truth] = field(default_factory=list)
+    """of all leaves below"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +79,7 @@ class Part:
     low_m: float
     high_m: float
     above: dict[int, float]
-    """Largest distance of each ancestor's surface from the subtree's leaves"""
+    """Largest distance of each ancestor's surface from the subtree's posts"""
 
 
 class ZoneBuilder:
@@ -82,23 +94,24 @@ class ZoneBuilder:
     ) -> None:
         self._mosaic, self._pictures = mosaic, pictures
         self._changed, self._old = changed, old
-        self._path: list[Node] = []
-        self._parts: dict[int, Part] = {}
+        self._above: list[Node] = []
+        self._made: list[Made] = []
 
-    def build(self, root: int, parts: Iterable[Part] = ()) -> Iterator[Made]:
-        """Yield every cell of the zone that no part has made, children before parents."""
-        self._parts = {part.cell: part for part in parts}
-        yield from self._visit(root)
+    def build(self, root: int, parts: Iterable[Part]) -> list[Made]:
+        """Make every cell of a zone that lies above the parts that cover it."""
+        self._made = []
+        self._finish(self._over({part.cell: part for part in parts}, root))
+        return self._made
 
     def build_part(self, cell: int) -> tuple[list[Made], Part]:
-        """Make one subtree, and measure the surfaces above it at its leaves."""
+        """Make one subtree, and measure the surfaces above it at its posts."""
         depth = int(cells.level(cell))
         above = [int(cells.ancestor(cell, level)) for level in range(depth)]
-        self._path = [Node(one, self._inner(one)) for one in above]
-        made = list(self._visit(cell))
-        top = self._path[-1].children[0] if self._path else Node(cell, None)
-        errors = {node.cell: node.error_m for node in self._path}
-        return made, Part(cell, top.error_m, top.low_m, top.high_m, errors)
+        self._made, self._above = [], [self._large(one) for one in above]
+        top = self._visit(cell, posts=any(node.surface for node in self._above))
+        self._finish(top)
+        errors = {node.cell: node.error_m for node in self._above}
+        return self._made, Part(cell, top.error_m, top.low_m, top.high_m, errors)
 
     def cut(self, root: int, most: int) -> list[int]:
         """Return subtrees of about `most` leaves, by area, that cover a zone."""
@@ -125,73 +138,146 @@ class ZoneBuilder:
                 count += share * (edge_m / (side * layer.spacing_m)) ** 2
         return count
 
-    def _inner(self, cell: int) -> Painted | None:
-        """Mesh an inner cell, unless its stored tile stays."""
-        if cell in self._old and not touches(cell, self._changed):
-            return None
-        return paint(self._mosaic, self._pictures, cell, None)
+    def _stays(self, cell: int) -> bool:
+        return cell in self._old and not touches(cell, self._changed)
 
-    def _visit(self, cell: int) -> Iterator[Made]:
-        if cell in self._parts:
-            self._adopt(self._parts[cell])
-            return
-        keep = cell in self._old and not touches(cell, self._changed)
-        node = Node(cell, None)
-        if self._splits(cell):
-            node.painted = self._inner(cell)
-            self._path.append(node)
-            for child in cells.children(cell):
-                yield from self._visit(int(child))
-            self._path.pop()
-        else:
-            self._leaf(node, keep=keep)
-        if self._path:
-            self._path[-1].children.append(node)
-        yield self._finish(node)
+    def _large(self, cell: int) -> Node:
+        """Mesh a cell above the parts, unless its stored tile stays."""
+        if self._stays(cell):
+            return Node(cell)
+        places = lattice_of(self._mosaic, cell)
+        return Node(cell, build_surface(cell, places, 0.8 * inner_bound_m(cell)))
 
-    def _adopt(self, part: Part) -> None:
-        """Take over what a subtree made apart says about itself and its ancestors."""
-        self._path[-1].children.append(
-            Node(part.cell, None, part.error_m, part.low_m, part.high_m)
+    def _over(self, parts: Mapping[int, Part], cell: int) -> Node:
+        """Put a cell above the parts together from what they say about it."""
+        if cell in parts:
+            part = parts[cell]
+            return Node(cell, None, part.error_m, part.low_m, part.high_m)
+        node = self._large(cell)
+        below = [part for part in parts.values() if cells.contains(cell, part.cell)]
+        node.error_m = max(part.above[cell] for part in below)
+        for child in cells.children(cell):
+            node.children.append(self._over(parts, int(child)))
+            if int(child) not in parts:
+                self._finish(node.children[-1])
+        return node
+
+    def _visit(self, cell: int, *, posts: bool) -> Node:
+        """Make a subtree; its top is finished by the caller.
+
+        Parameters
+        ----------
+        posts : whether the caller needs the posts below, even if the subtree stays
+        """
+        if self._stays(cell):
+            return self._kept(cell, posts=posts)
+        node = Node(cell)
+        if not self._splits(cell):
+            node.truths = [self._measured(cell)]
+            return self._leaf(node, places_of(node.truths[0]))
+        for child in cells.children(cell):
+            node.children.append(self._visit(int(child), posts=True))
+            node.truths += node.children[-1].truths
+        surfaces = [
+            (one.cell, one.surface or self._stored(one.cell)) for one in node.children
+        ]
+        places = joined(cell, surfaces, inner_bound_m(cell))
+        if self._is_flat(node):
+            node.children = []
+            return self._leaf(node, places)
+        bound_m = inner_bound_m(cell)
+        node.surface, node.error_m = fitted(cell, places, bound_m, node.truths, leaf=False)
+        for child in node.children:
+            self._finish(child)
+        return node
+
+    def _kept(self, cell: int, *, posts: bool) -> Node:
+        """Take over a stored subtree; its posts are needed where cells above are new."""
+        first, last = int(cells.range_min(cell)), int(cells.range_max(cell))
+        own = self._old[cell]
+        error_m, low_m, high_m = (float(own[key]) for key in ("error_m", *HEIGHTS))
+        node = Node(cell, None, error_m, low_m, high_m)
+        for one, record in self._old.items():
+            if first <= one <= last:
+                if one != cell:
+                    self._made.append(Made(record.reshape(1).copy(), None))
+                if posts and not record["children"]:
+                    node.truths += [
+                        self._measured(leaf) for leaf in self._first_leaves(one)
+                    ]
+        return node
+
+    def _first_leaves(self, cell: int) -> list[int]:
+        """Return the leaves that a leaf was made of: flat ones were joined."""
+        if not self._splits(cell):
+            return [cell]
+        children = (int(child) for child in cells.children(cell))
+        return [leaf for child in children for leaf in self._first_leaves(child)]
+
+    def _measured(self, leaf: int) -> Truth:
+        """Find what a leaf stands for, and measure the surfaces above the part with it."""
+        truth = truth_of(self._mosaic, leaf, LEAF_SIDE)
+        for node in self._above:
+            if node.surface:
+                window = window_in(node.cell, leaf)
+                gap_m = deviation_of(node.surface, window, truth).largest_m
+                node.error_m = max(node.error_m, gap_m)
+        return truth
+
+    def _leaf(self, node: Node, places: Places) -> Node:
+        """Mesh a leaf."""
+        bound_m = self._leaf_bound_m(node.cell)
+        node.surface, node.error_m = fitted(
+            node.cell, places, bound_m, node.truths, leaf=True
         )
-        for node in self._path:
-            node.error_m = max(node.error_m, part.above[node.cell])
+        node.low_m = min(truth.low_m for truth in node.truths)
+        node.high_m = max(truth.high_m for truth in node.truths)
+        return node
 
-    def _leaf(self, node: Node, *, keep: bool) -> None:
-        if keep:
-            lattice = leaf_lattice(self._mosaic, node.cell)
-            node.error_m = float(self._old[node.cell]["error_m"])
-        else:
-            bound_m = self._leaf_bound_m(node.cell)
-            node.painted = paint(self._mosaic, self._pictures, node.cell, bound_m)
-            lattice = node.painted.lattice
-            error_m = leaf_error_m(self._mosaic, node.cell, node.painted.surface)
-            node.error_m = rounded_up(error_m)
-        node.low_m, node.high_m = (
-            float(lattice.height_m.min()),
-            float(lattice.height_m.max()),
-        )
-        for above in self._path:
-            if above.painted:
-                gap = error_under(above.painted.surface, above.cell, lattice)
-                above.error_m = max(above.error_m, gap + node.error_m)
+    def _is_flat(self, node: Node) -> bool:
+        """Say whether four leaves are better drawn as one."""
+        fresh = [one.surface for one in node.children if one.surface and not one.children]
+        if len(fresh) < 4 or self._shown_finer(node.cell):
+            return False
+        if sum(len(one.triangles) for one in fresh) > FLAT_TRIANGLES:
+            return False
+        finest_m = min((layer.spacing_m for layer in self._held(node.cell)), default=0.0)
+        return step_m(node.cell, TEXTURE_SIDE) <= FLAT_TEXELS * finest_m
 
-    def _finish(self, node: Node) -> Made:
+    def _stored(self, cell: int) -> Surface:
+        """Read a stored tile's surface."""
+        row = int(self._old[cell]["row"])
+        ask = "SELECT body FROM tile WHERE row=?"
+        body = self._mosaic.connection.execute(ask, (row,)).fetchone()[0]
+        tile = terrain.decode(body)
+        triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
+        count = int(triangles.max()) + 1
+        uv = tile.mesh.vertices["detail"][:count] / UV_ONE
+        points = tile.mesh.local[:count]
+        every = np.arange(count), np.full(count, np.inf), np.full(triangles.shape, -1)
+        return Surface(tile.mesh, triangles.astype(np.int64), uv, points, *every)
+
+    def _finish(self, node: Node) -> None:
+        """Append a cell's record and body."""
         for child in node.children:
             node.error_m = max(node.error_m, child.error_m)
-            node.low_m, node.high_m = (
-                min(node.low_m, child.low_m),
-                max(node.high_m, child.high_m),
-            )
-        if node.painted is None:
+            node.low_m = min(node.low_m, child.low_m)
+            node.high_m = max(node.high_m, child.high_m)
+        if node.surface is None:
             record = self._old[node.cell].reshape(1).copy()
             node.error_m = float(record["error_m"][0])
-            return Made(record, None)
-        own = node.painted.lattice.height_m
-        node.low_m = min(node.low_m, float(own.min()))
-        node.high_m = max(node.high_m, float(own.max()))
+            self._made.append(Made(record, None))
+            return
         node.error_m = rounded_up(node.error_m)
-        tile = tile_of(node.cell, node.painted, node.error_m, leaf=not node.children)
+        node.truths = []
+        self._made.append(self._encoded(node, node.surface))
+
+    def _encoded(self, node: Node, surface: Surface) -> Made:
+        held = self._held(node.cell)
+        texture, finer_m = painted(self._mosaic, held, self._pictures, node.cell)
+        texel_m = finer_m if node.children else 0.0
+        count = 3 * len(surface.triangles)
+        tile = TerrainTile(node.cell, surface.mesh, count, node.error_m, texel_m, texture)
         body = encode(tile)
         record = np.zeros(1, INDEX)
         # Between posts a triangle cuts through the planet, by no more than the error.
@@ -201,10 +287,8 @@ class ZoneBuilder:
         record["min_height_m"], record["max_height_m"] = low_m, high_m
         record["error_m"], record["texel_m"] = node.error_m, tile.texel_m
         record["children"] = 15 if node.children else 0
-        record["tile_bytes"], record["check"] = (
-            len(body),
-            checksum(Lane.TERRAIN, node.cell, body),
-        )
+        record["tile_bytes"] = len(body)
+        record["check"] = checksum(Lane.TERRAIN, node.cell, body)
         record["memory_bytes"] = tile.mesh.gpu_bytes + tile.texture.nbytes
         return Made(record, body)
 
@@ -212,10 +296,25 @@ class ZoneBuilder:
         """Say whether a source shows more than a leaf of this size would hold."""
         if cells.level(cell) >= MAX_LEVEL:
             return False
-        post_m, texel_m = step_m(cell, LEAF_SIDE), step_m(cell, TEXTURE_SIDE)
-        finer = [layer for layer in self._mosaic.layers if layer.spacing_m < 0.999 * post_m]
-        finer += [layer for layer in self._pictures if layer.spacing_m < 0.7 * texel_m]
-        return any(has_posts(layer, cell) for layer in finer)
+        post_m = step_m(cell, LEAF_SIDE)
+        held = self._held(cell)
+        if any(layer.spacing_m < 0.999 * post_m for layer in held):
+            return True
+        # Near a pole, posts are much denser along parallels.
+        if any(post_count(layer, cell) > MOST_POSTS for layer in held):
+            return True
+        return self._shown_finer(cell)
+
+    def _shown_finer(self, cell: int) -> bool:
+        """Say whether a picture shows more than the texels of a cell."""
+        texel_m = step_m(cell, TEXTURE_SIDE)
+        finer = [layer for layer in self._pictures if layer.spacing_m < 0.7 * texel_m]
+        return any(overlap(cell, layer.bounds_deg) for layer in finer)
+
+    def _held(self, cell: int) -> list[Layer]:
+        """Return the elevation models with posts in a cell, coarsest first."""
+        box = [float(edge) for edge in cells.bounds_rad(cell)]
+        return [layer for layer in self._mosaic.layers if layer.holds(box)]
 
     def _leaf_bound_m(self, cell: int) -> float:
         """Return a hundredth of the source's post spacing, or half its own step.
@@ -223,11 +322,11 @@ class ZoneBuilder:
         A small leaf beside a finer source follows the bend of the surface as closely
         as an inner cell of its size would.
         """
-        held = [layer for layer in self._mosaic.layers if has_posts(layer, cell)]
-        inner_m = min(step_m(cell, TEXTURE_SIDE), LARGEST_BOUND_M)
+        held = self._held(cell)
         if not held:
-            return inner_m
-        return min(inner_m, max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2))
+            return inner_bound_m(cell)
+        source_m = max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2)
+        return min(inner_bound_m(cell), source_m)
 
 
 def rounded_up(error_m: float) -> float:
@@ -235,15 +334,3 @@ def rounded_up(error_m: float) -> float:
     stored = np.float32(error_m)
     above = np.nextafter(stored, np.float32(np.inf))
     return float(stored if stored >= error_m else above)
-
-
-def has_posts(layer: Layer, cell: int) -> bool:
-    """Say whether a source holds data somewhere in a cell."""
-    common = overlap(cell, layer.bounds_deg)
-    if common is None or layer.wraps or layer.is_picture:
-        return common is not None
-    west, south, east, north = common
-    steps = (np.arange(PROBE) + 0.5) / PROBE
-    lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
-    coarse_m = (north - south) / PROBE * 6.4e6
-    return bool(np.isfinite(layer.heights(lon.ravel(), lat.ravel(), coarse_m)).any())

@@ -21,10 +21,22 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-__all__ = ["HEADER", "MAGIC", "VERSION", "checksum", "header_of", "pack", "unpack", "zstd"]
+__all__ = [
+    "HEADER",
+    "MAGIC",
+    "VERSION",
+    "checksum",
+    "header_of",
+    "pack",
+    "read_header",
+    "unpack",
+    "zstd",
+]
 
 VERSION = 1
 MAGIC = b"GPT1"
+ZSTD_LEVEL = 5
+"""A terrain tile takes a ninth less than at 3, for a quarter of a millisecond."""
 HEADER = np.dtype(
     [
         ("magic", "S4"),
@@ -58,9 +70,8 @@ def pack(head: NDArray[np.void], mesh: Mesh, *tail: bytes) -> bytes:
     """Join header, vertices, indices and the lane's tables, and compress them."""
     joined = b"".join(tail)
     head["tail_bytes"] = len(joined)
-    return zstd.compress(
-        head.tobytes() + mesh.vertices.tobytes() + mesh.indices.tobytes() + joined, 3
-    )
+    whole = head.tobytes() + mesh.vertices.tobytes() + mesh.indices.tobytes() + joined
+    return zstd.compress(whole, ZSTD_LEVEL)
 
 
 def unpack(lane: Lane, body: bytes) -> tuple[np.void, Mesh, memoryview]:
@@ -76,8 +87,7 @@ def unpack(lane: Lane, body: bytes) -> tuple[np.void, Mesh, memoryview]:
         head = np.frombuffer(raw, HEADER, 1)[0]
     except (zstd.ZstdError, ValueError, MemoryError) as error:
         raise TileFault(lane.name, "?", f"unreadable body ({error})") from error
-    if head["magic"] != MAGIC or head["version"] != VERSION or head["lane"] != lane:
-        raise TileFault(lane.name, "?", "not a tile of this lane and version")
+    _require(lane, head)
     counts = int(head["vertex_count"]), int(head["index_count"])
     start = HEADER.itemsize
     middle = start + counts[0] * VERTEX.itemsize
@@ -91,6 +101,27 @@ def unpack(lane: Lane, body: bytes) -> tuple[np.void, Mesh, memoryview]:
         np.frombuffer(raw, "<u2", counts[1], middle),
     )
     return head, mesh, memoryview(raw)[tail:]
+
+
+def read_header(lane: Lane, body: bytes) -> np.void:
+    """Return a stored body's header alone, without unpacking all of it.
+
+    Raises
+    ------
+    TileFault
+    """
+    try:
+        start = zstd.ZstdDecompressor().decompress(body, max_length=HEADER.itemsize)
+        head: np.void = np.frombuffer(start, HEADER, 1)[0]
+    except (zstd.ZstdError, EOFError, ValueError) as error:
+        raise TileFault(lane.name, "?", f"unreadable body ({error})") from error
+    _require(lane, head)
+    return head
+
+
+def _require(lane: Lane, head: np.void) -> None:
+    if head["magic"] != MAGIC or head["version"] != VERSION or head["lane"] != lane:
+        raise TileFault(lane.name, "?", "not a tile of this lane and version")
 
 
 def checksum(lane: Lane, cell: int, body: bytes) -> int:

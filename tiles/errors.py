@@ -15,7 +15,11 @@ class InputError(Exception):
     """
 
     def __init__(self, subject: str | Path, reason: str, advice: str) -> None:
-        super().__init__(f"{subject}: {reason}; {advice}")
+        # All three, so that it comes whole out of a worker process.
+        super().__init__(subject, reason, advice)
+
+    def __str__(self) -> str:
+        return "{}: {}; {}".format(*self.args)
 
 
 class TileFault(Exception):  # noqa: N818 - the word of the documents; an error is the user's

@@ -11,7 +11,7 @@ from tiles.frames import Ecef, Local
 VERTEX = np.dtype(
     [
         ("position", "<i2", 3),  # tile-local, ECEF axes, in units of `scale_m`
-        ("flags", "<i2"),  # terrain: SKIRT, SEA bits; objects: 0 wall, 1 roof
+        ("flags", "<i2"),  # terrain: SKIRT bit; objects: 0 wall, 1 roof
         ("detail", "<u2", 2),  # terrain: u, v; objects: decimetres above base, ordinal
         ("normal", "i1", 4),  # unit normal x 127, ECEF axes; fourth byte unused
     ]
@@ -20,8 +20,6 @@ UV_ONE = 32768
 """Value of `detail` at the east or north edge of a terrain tile (0 at west and south)."""
 SKIRT = 1
 """Flag of a vertex that the renderer pushes down by the draw's skirt depth."""
-SEA = 2
-"""Flag of a vertex whose source elevation is below sea level."""
 WALL, ROOF = 0, 1
 STEPS = 32767
 """Positions are stored in steps of (half extent) / STEPS."""

@@ -13,6 +13,7 @@ from tiles.kernels import kernel
 RADIAN_M = 6.36e6
 """A little less than the earth's radius, so that margins are wide enough."""
 ROUNDING = 1e-12
+POLAR_DEG = 89.9999
 
 
 def is_lon_lat(crs: pyproj.CRS) -> bool:
@@ -36,6 +37,8 @@ class Placement:
         self.wraps = bool(source["wraps"])
         self._width = int(source["width"])
         a, b, c, d, e, f = source["transform"]
+        self.closes = self._closes(north_up=e < 0)
+        """whether the surface closes over a pole beyond the first row, and the last"""
         self._inverse = np.array([[a, b], [d, e]])
         self._matrix = np.linalg.inv(self._inverse)
         self._origin = np.array([c, f])
@@ -49,20 +52,20 @@ class Placement:
                 crs, 4326, always_xy=True
             ).transform
 
+    def _closes(self, *, north_up: bool) -> tuple[bool, bool]:
+        north, south = self.bounds_deg[3] > POLAR_DEG, self.bounds_deg[1] < -POLAR_DEG
+        first, last = (north, south) if north_up else (south, north)
+        return self.wraps and first, self.wraps and last
+
     def pixels(self, lon_rad: Floats, lat_rad: Floats) -> tuple[Floats, Floats]:
         """Return column and row of places, (n,) each."""
-        lon_deg, lat_deg = np.degrees(lon_rad), np.degrees(lat_rad)
         if self._project:
-            x, y = self._project(lon_deg, lat_deg)
-        else:
-            x, y = lon_deg, lat_deg
-            middle = (self.bounds_deg[0] + self.bounds_deg[2]) / 2
-            x = (x - middle + 180.0) % 360.0 - 180.0 + middle
-        col, row = self._matrix @ np.stack([x - self._origin[0], y - self._origin[1]])
-        if self.wraps:
-            width, middle = self._width, float(np.median(col))
-            col = middle + (col - middle + width / 2) % width - width / 2
-        return col - 0.5, row - 0.5
+            x, y = self._project(np.degrees(lon_rad), np.degrees(lat_rad))
+            col, row = self._matrix @ np.stack([x - self._origin[0], y - self._origin[1]])
+            return col - 0.5, row - 0.5
+        middle = (self.bounds_deg[0] + self.bounds_deg[2]) / 2
+        width = float(self._width) if self.wraps else 0.0
+        return _lon_lat_pixels(lon_rad, lat_rad, self._matrix, self._origin, middle, width)
 
     def places(self, col: Floats, row: Floats) -> tuple[Floats, Floats]:
         """Invert `pixels`: longitude and latitude, (n,) each."""
@@ -93,3 +96,31 @@ def _near(
             off = abs(turns - np.floor(turns + 0.5)) * 2.0 * np.pi
             out[i] = off <= half or off - half <= margin_rad / max(np.cos(lat_rad[i]), 0.01)
     return out
+
+
+@kernel
+def _lon_lat_pixels(
+    lon_rad: Floats,
+    lat_rad: Floats,
+    matrix: Floats,
+    origin: Floats,
+    middle_deg: float,
+    width: float,
+) -> tuple[Floats, Floats]:
+    """Place longitudes and latitudes in a raster of degrees, (n,) columns and rows.
+
+    Parameters
+    ----------
+    width : columns once round the globe, so that neighbours stay neighbours; 0 of others
+    """
+    count = len(lon_rad)
+    col, row = np.empty(count), np.empty(count)
+    for i in range(count):
+        turn = (np.degrees(lon_rad[i]) - middle_deg + 180.0) / 360.0
+        x = (turn - np.floor(turn)) * 360.0 - 180.0 + middle_deg - origin[0]
+        y = np.degrees(lat_rad[i]) - origin[1]
+        c = matrix[0, 0] * x + matrix[0, 1] * y
+        if width and i:
+            c -= np.floor((c - 0.5 - col[0]) / width + 0.5) * width
+        col[i], row[i] = c - 0.5, matrix[1, 0] * x + matrix[1, 1] * y - 0.5
+    return col, row

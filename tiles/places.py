@@ -12,6 +12,7 @@ from tiles.lanes import Lane
 from tiles.query import linked_rows, objects_at
 from tiles.store import Store
 from tiles.surface import Surface
+from tiles.winner import Winners
 
 
 class Places:
@@ -21,7 +22,7 @@ class Places:
         self._store = store
         self._surface = Surface(store)
         self._objects = build_forest(store.index(Lane.OBJECTS))
-        self._sources = [s for s in store.sources() if s["kind"] == "terrain"]
+        self._winners = Winners(store)
 
     def at(self, lon_deg: Floats, lat_deg: Floats) -> list[dict[str, Any]]:
         """Return height, error, level, source, linked cells and objects of each place."""
@@ -33,6 +34,7 @@ class Places:
             place = float(lon_rad[i]), float(lat_rad[i])
             linked = self._objects.records["cell"][linked_rows(self._objects, *place)]
             cell = self._surface.forest.records["cell"][rows[i]] if rows[i] >= 0 else None
+            winner = self._winners.at(*place)
             ids = objects_at(self._store, self._objects, *place)
             found.append(
                 {
@@ -41,18 +43,10 @@ class Places:
                     "height_m": float(height[i]),
                     "error_m": float(error[i]),
                     "level": None if cell is None else int(cells.level(cell)),
-                    "source": self._source(float(lon_deg[i]), float(lat_deg[i])),
+                    "source": winner.source,
+                    "feathered": winner.feathered,
                     "linked_cells": [cells.text(int(one)) for one in linked],
                     "objects": self._store.objects(ids),
                 }
             )
         return found
-
-    def _source(self, lon_deg: float, lat_deg: float) -> str | None:
-        """Return the finest terrain source whose bounding box holds the place."""
-        for source in sorted(self._sources, key=lambda s: float(s["spacing_m"])):
-            west, south, east, north = source["bounds_deg"]
-            off = (lon_deg - west) % 360.0
-            if off <= east - west and south <= lat_deg <= north:
-                return str(source["name"])
-        return None

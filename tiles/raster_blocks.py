@@ -34,8 +34,32 @@ def level_count(width: int, height: int) -> int:
     return count
 
 
+Key = tuple[str, int, int, int]
+
+
+class BlockCache:
+    """Decoded blocks of any number of sources of one store, those last used."""
+
+    def __init__(self, most: int = CACHE_BLOCKS) -> None:
+        self._most = most
+        self._blocks: OrderedDict[Key, NDArray[np.generic]] = OrderedDict()
+
+    def get(self, key: Key) -> NDArray[np.generic] | None:
+        """Return a block that is there."""
+        if key not in self._blocks:
+            return None
+        self._blocks.move_to_end(key)
+        return self._blocks[key]
+
+    def put(self, key: Key, block: NDArray[np.generic]) -> None:
+        """Keep a block; the one that was not used for longest goes."""
+        self._blocks[key] = block
+        if len(self._blocks) > self._most:
+            self._blocks.popitem(last=False)
+
+
 class Blocks:
-    """Windows of one source's levels, with a small cache of decoded blocks."""
+    """Windows of one source's levels; decoded blocks are kept in a cache."""
 
     def __init__(
         self,
@@ -44,11 +68,12 @@ class Blocks:
         shape: tuple[int, int],
         *,
         wraps: bool = False,
+        cache: BlockCache | None = None,
     ) -> None:
         self.source, self.wraps = source, wraps
         self.height, self.width = shape
         self._connection = connection
-        self._cache: OrderedDict[tuple[int, int, int], NDArray[np.generic]] = OrderedDict()
+        self._cache = BlockCache() if cache is None else cache
         first = self._block(0, 0, 0)
         self.bands = 3 if first.ndim == 3 else 1
         self.dtype = first.dtype
@@ -62,6 +87,8 @@ class Blocks:
         round the globe wrap.
         """
         height, width = level_shape(self.width, self.height, level)
+        if 0 <= top < bottom <= height and 0 <= left < right <= width:
+            return self._inside(level, top, bottom, left, right)
         rows = np.clip(np.arange(top, bottom), 0, height - 1)
         cols = np.arange(left, right)
         cols = cols % width if self.wraps else np.clip(cols, 0, width - 1)
@@ -73,6 +100,21 @@ class Blocks:
             out[np.ix_(y, x)] = block[rows[y] - r * BLOCK][:, cols[x] - c * BLOCK]
         return out
 
+    def _inside(
+        self, level: int, top: int, bottom: int, left: int, right: int
+    ) -> NDArray[np.generic]:
+        """Read a window that lies in the raster."""
+        shape = (bottom - top, right - left, 3)[: 2 + (self.bands == 3)]
+        out = np.empty(shape, self.dtype)
+        for r in range(top // BLOCK, (bottom - 1) // BLOCK + 1):
+            up, low = max(top, r * BLOCK), min(bottom, (r + 1) * BLOCK)
+            for c in range(left // BLOCK, (right - 1) // BLOCK + 1):
+                west, east = max(left, c * BLOCK), min(right, (c + 1) * BLOCK)
+                out[up - top : low - top, west - left : east - left] = self._block(
+                    level, r, c
+                )[up - r * BLOCK : low - r * BLOCK, west - c * BLOCK : east - c * BLOCK]
+        return out
+
     @staticmethod
     def _touched(
         rows: NDArray[np.int64], cols: NDArray[np.int64]
@@ -82,22 +124,20 @@ class Blocks:
                 yield int(r), int(c)
 
     def _block(self, level: int, row: int, col: int) -> NDArray[np.generic]:
-        key = (level, row, col)
-        if key in self._cache:
-            self._cache.move_to_end(key)
-            return self._cache[key]
+        key = (self.source, level, row, col)
+        known = self._cache.get(key)
+        if known is not None:
+            return known
         found = self._connection.execute(
             "SELECT body FROM raster_block WHERE source=? AND level=? AND row=? AND col=?",
-            (self.source, *key),
+            key,
         ).fetchone()
         try:
             block = self._decode(level, row, col, zstd.decompress(found[0]))
         except (TypeError, ValueError, zstd.ZstdError) as error:
             advice = "ingest the source again"
             raise InputError(self.source, "its copy is damaged", advice) from error
-        self._cache[key] = block
-        if len(self._cache) > CACHE_BLOCKS:
-            self._cache.popitem(last=False)
+        self._cache.put(key, block)
         return block
 
     def _decode(self, level: int, row: int, col: int, raw: bytes) -> NDArray[np.generic]:

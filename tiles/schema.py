@@ -9,8 +9,7 @@ CREATE TABLE tile(
     row INTEGER PRIMARY KEY,
     lane INTEGER NOT NULL,
     cell INTEGER NOT NULL,
-    body BLOB NOT NULL,
-    retired INTEGER);                       -- generation that stopped naming it
+    body BLOB NOT NULL);
 CREATE TABLE index_block(
     lane INTEGER NOT NULL,
     root INTEGER NOT NULL,                  -- cell whose subtree it holds
@@ -44,3 +43,18 @@ CREATE INDEX object_by_source ON object(source);
 CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 INSERT INTO meta VALUES('generation', '0');
 """
+
+ADDED = """
+CREATE INDEX IF NOT EXISTS tile_by_lane ON tile(lane);
+CREATE TABLE IF NOT EXISTS retired(         -- tiles that no index names any more
+    row INTEGER PRIMARY KEY,
+    lane INTEGER NOT NULL,
+    generation INTEGER NOT NULL);           -- that stopped naming it
+CREATE TABLE IF NOT EXISTS unfinished(      -- what an ingest has done so far
+    key TEXT PRIMARY KEY,
+    body BLOB NOT NULL,
+    blocks TEXT,                            -- raster blocks that no source names yet
+    first_row INTEGER,                      -- tiles that no index names yet
+    last_row INTEGER);
+"""
+"""Tables that a writer adds to a store that was made without them."""

@@ -8,7 +8,6 @@ while an ingest swaps index blocks. Thread: each thread opens its own `Store`.
 import json
 import os
 import sqlite3
-import struct
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -24,22 +23,32 @@ from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.schema import APPLICATION_ID, FORMAT_VERSION
 
-HEAD_BYTES = 100
-LARGEST_PAGE = 65536
-"""SQLite writes it as 1."""
-
 
 class Store:
     """Tiles, index blocks, sources and objects of one world, for one thread."""
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        require_store(self.path)
+        require_file(self.path)
         # Where nothing can be written, SQLite can't share the file, nor need it.
         alone = not os.access(self.path.parent, os.W_OK) and not wal_bytes(self.path)
         mode = "immutable=1" if alone else "mode=ro"
         uri = f"file:{quote(str(self.path.absolute()))}?{mode}"
-        self.connection = sqlite3.connect(uri, uri=True, isolation_level=None)
+        self._connect(uri, uri=True)
+
+    def _connect(self, name: str, **options: Any) -> None:
+        """Open a file that must be a store.
+
+        Raises
+        ------
+        InputError
+        """
+        self.connection = sqlite3.connect(name, isolation_level=None, **options)
+        try:
+            require_store(self.path, self.connection)
+        except BaseException:
+            self.connection.close()
+            raise
 
     def index(self, lane: Lane) -> NDArray[np.void]:
         """Return all index records of a lane, (n,) INDEX, sorted by level then cell.
@@ -138,8 +147,8 @@ class Store:
         self.close()
 
 
-def require_store(path: Path) -> None:
-    """Check that `path` is a whole store of a version that this code reads.
+def require_file(path: Path) -> None:
+    """Check that there is a file.
 
     Raises
     ------
@@ -148,17 +157,25 @@ def require_store(path: Path) -> None:
     if not path.is_file():
         reason = "is a folder" if path.is_dir() else "no such store"
         raise InputError(path, reason, "make a store with `geopage ingest terrain`")
+
+
+def require_store(path: Path, connection: sqlite3.Connection) -> None:
+    """Check that `path` is a whole store of a version that this code reads.
+
+    Asked of SQLite: a process that opens and closes the file itself loses the locks of
+    all its connections, and a writer elsewhere then takes their log away.
+
+    Raises
+    ------
+    InputError
+    """
     try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
-    except OSError as error:
-        reason = f"can't be read ({error.strerror})"
-        raise InputError(path, reason, "check its permissions") from error
-    if len(head) < HEAD_BYTES or not head.startswith(b"SQLite format 3\0"):
-        raise InputError(path, "not a geopage store", "name a .geopage file")
-    page = struct.unpack(">H", head[16:18])[0]
-    page = LARGEST_PAGE if page == 1 else page
-    pages, version, application = struct.unpack(">I28xI4xI", head[28:72])
+        application, version, pages, page = (
+            int(connection.execute(f"PRAGMA {name}").fetchone()[0])
+            for name in ("application_id", "user_version", "page_count", "page_size")
+        )
+    except sqlite3.DatabaseError as error:
+        raise _unreadable(path, error) from error
     if application != APPLICATION_ID:
         raise InputError(path, "not a geopage store", "name a .geopage file")
     if version > FORMAT_VERSION:
@@ -166,6 +183,18 @@ def require_store(path: Path) -> None:
     # After a crash the missing pages may still be in the write-ahead log.
     if path.stat().st_size < pages * page and not wal_bytes(path):
         raise InputError(path, "truncated store", "copy it again or ingest again")
+
+
+def _unreadable(path: Path, error: sqlite3.DatabaseError) -> Exception:
+    """Say what is wrong with a file, or that another process is in the way."""
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    if code == sqlite3.SQLITE_NOTADB:
+        return InputError(path, "not a geopage store", "name a .geopage file")
+    if code == sqlite3.SQLITE_CORRUPT:
+        return InputError(path, "truncated store", "copy it again or ingest again")
+    if code in {sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM}:
+        return InputError(path, f"can't be read ({error})", "check its permissions")
+    return error
 
 
 def wal_bytes(path: Path) -> int:

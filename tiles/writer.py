@@ -4,12 +4,15 @@
 Tile rows are immutable and may be committed early: nobody sees them until
 `replace_index` swaps the index blocks in one transaction. Rows that the new index no
 longer names are kept for one generation, for readers that still hold the old index.
+What an ingest has done so far is noted beside what it wrote, so that it can go on after
+it was killed; the next swap of whatever index takes away what nobody came back for.
 """
 
 import json
+import os
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +23,13 @@ from tiles import cells
 from tiles.codec import checksum
 from tiles.index_tree import BLOCK_LEVELS
 from tiles.lanes import Lane
-from tiles.schema import APPLICATION_ID, FORMAT_VERSION, TABLES
-from tiles.store import Store, require_store
+from tiles.schema import ADDED, APPLICATION_ID, FORMAT_VERSION, TABLES
+from tiles.store import Store, require_file, wal_bytes
+
+BUSY_S, TRIM_MS = 10, 500
+"""How long to wait for another writer, and for readers of the log"""
+LOG_BYTES = 32 << 20
+"""A longer write-ahead log is emptied."""
 
 
 class Writer(Store):
@@ -29,20 +37,15 @@ class Writer(Store):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        fresh = not self.path.exists()
-        if not fresh:
-            require_store(self.path)
-        self.connection = sqlite3.connect(self.path, isolation_level=None, timeout=10)
-        if fresh:
-            self._make_tables()
+        if not self.path.exists():
+            make_store(self.path)
+        require_file(self.path)
+        self._connect(str(self.path), timeout=BUSY_S)
+        self._longest_log_bytes = LOG_BYTES
+        self.connection.executescript(ADDED)
         self.connection.execute("PRAGMA synchronous=NORMAL")
-
-    def _make_tables(self) -> None:
-        self.connection.executescript(
-            f"PRAGMA page_size=8192; PRAGMA application_id={APPLICATION_ID};"
-            f"PRAGMA user_version={FORMAT_VERSION}; PRAGMA journal_mode=WAL;"
-            f"BEGIN; {TABLES} COMMIT; PRAGMA wal_checkpoint(TRUNCATE);"
-        )
+        # Where SQLite is built to, it would overwrite all that is deleted with zeros.
+        self.connection.execute("PRAGMA secure_delete=OFF")
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
@@ -54,6 +57,20 @@ class Writer(Store):
             self.connection.execute("ROLLBACK")
             raise
         self.connection.execute("COMMIT")
+
+    def trim_log(self) -> None:
+        """Empty the write-ahead log once it is long; outside a transaction.
+
+        SQLite does so by itself, but not while some reader is always reading.
+        """
+        if wal_bytes(self.path) > self._longest_log_bytes:
+            run = self.connection.execute
+            run(f"PRAGMA busy_timeout={TRIM_MS}")
+            held = run("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
+            run(f"PRAGMA busy_timeout={1000 * BUSY_S}")
+            # Not again at once where a reader held it up.
+            more = wal_bytes(self.path) if held else 0
+            self._longest_log_bytes = more + LOG_BYTES
 
     def add_tiles(self, lane: Lane, tiles: Iterable[tuple[int, bytes]]) -> list[int]:
         """Insert (cell, body) pairs and return their rows; not visible to readers yet."""
@@ -87,12 +104,53 @@ class Writer(Store):
         run("DELETE FROM named")
         rows = ((int(row),) for row in np.unique(named))
         self.connection.executemany("INSERT INTO named VALUES(?)", rows)
-        run("DELETE FROM tile WHERE lane=? AND retired < ?", (int(lane), generation))
+        self._forget_unfinished()
+        old = "FROM retired WHERE lane=? AND generation < ?"
+        run(f"DELETE FROM tile WHERE row IN (SELECT row {old})", (int(lane), generation))
+        run(f"DELETE {old}", (int(lane), generation))
+        # In a table of its own: an UPDATE would write every retired body again.
         run(
-            "UPDATE tile SET retired=? WHERE lane=? AND retired IS NULL"
-            " AND row NOT IN (SELECT row FROM named)",
+            "INSERT INTO retired SELECT row, lane, ? FROM tile WHERE lane=?"
+            " AND row NOT IN (SELECT row FROM named)"
+            " AND row NOT IN (SELECT row FROM retired)",
             (generation, int(lane)),
         )
+
+    def _forget_unfinished(self) -> None:
+        """Drop the notes, and what was written for them unless it is named by now."""
+        run = self.connection.execute
+        kept = {source.get("blocks") for source in self.sources()}
+        ask = "SELECT blocks, first_row, last_row FROM unfinished"
+        for blocks, first, last in run(ask).fetchall():
+            if blocks is not None and blocks not in kept:
+                run("DELETE FROM raster_block WHERE source=?", (blocks,))
+            lost = "row BETWEEN ? AND ? AND row NOT IN (SELECT row FROM named)"
+            run(f"DELETE FROM tile WHERE {lost}", (first, last))
+        run("DELETE FROM unfinished")
+
+    def note(
+        self, key: str, body: bytes, blocks: str | None = None, rows: Sequence[int] = ()
+    ) -> None:
+        """Note what an unfinished ingest has done; call in the transaction that does it.
+
+        Parameters
+        ----------
+        blocks : key of raster blocks that were written and that no source names yet
+        rows : consecutive rows of tiles that were written and that no index names yet
+        """
+        ends = (rows[0], rows[-1]) if rows else (None, None)
+        self.connection.execute(
+            "INSERT OR REPLACE INTO unfinished VALUES(?,?,?,?,?)",
+            (key, body, blocks, *ends),
+        )
+
+    def noted(self, start: str) -> dict[str, bytes]:
+        """Return the notes whose keys begin with `start`, by the rest of the key."""
+        found = self.connection.execute(
+            "SELECT key, body FROM unfinished WHERE substr(key, 1, ?) = ?",
+            (len(start), start),
+        )
+        return {key[len(start) :]: bytes(body) for key, body in found.fetchall()}
 
     def put_source(self, name: str, kind: str, details: Mapping[str, Any]) -> None:
         """Add a source, or replace the details of the one with this name."""
@@ -125,3 +183,19 @@ class Writer(Store):
     def set_meta(self, key: str, value: str) -> None:
         """Set a value of the meta table."""
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?,?)", (key, value))
+
+
+def make_store(path: Path) -> None:
+    """Make an empty store; whenever this is killed, there is a whole one or none."""
+    new = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with closing(sqlite3.connect(new, isolation_level=None)) as connection:
+            connection.executescript(
+                f"PRAGMA page_size=8192; PRAGMA application_id={APPLICATION_ID};"
+                f"PRAGMA user_version={FORMAT_VERSION}; PRAGMA journal_mode=WAL;"
+                f"BEGIN; {TABLES} {ADDED} COMMIT;"
+            )
+        new.rename(path)
+    finally:
+        for tail in ("", "-wal", "-shm"):
+            Path(f"{new}{tail}").unlink(missing_ok=True)

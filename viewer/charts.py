@@ -58,24 +58,25 @@ def pyplot(out: Path) -> Any:
 
 
 def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
-    """Draw a curve per method: frame time against the selection's screen error.
+    """Draw a curve per method: frame time against what the pictures err.
 
-    Until a ray-cast reference exists, the error is what the selection itself knows: an
-    upper bound that it keeps, not a measurement of the picture. The chart says so.
+    The geometric error was measured against the sources' own posts. Beside it stands what
+    the selection itself knows: a bound that it keeps, not a measurement of the picture.
+    Reports of flights that were not measured show only that.
     """
     plt = pyplot(out)
-    figure, axes = plt.subplots(figsize=(8, 5.2))
+    figure, axes = plt.subplots(figsize=(8, 5.6))
     series: dict[str, list[Json]] = {}
     for report in reports:
         settings = report["settings"]
         series.setdefault(f"{settings['policy']}, {settings['mode']}", []).append(report)
     for (name, runs), colour in zip(sorted(series.items()), _cycle(), strict=False):
-        _curve(axes, name, runs, colour)
+        _curves(axes, name, runs, colour)
     axes.set_xscale("log")
     axes.set_yscale("log")
     _plain_ticks(axes)
     axes.set_xlabel("frame time, ms (dot: median, bar to the 99th percentile)")
-    axes.set_ylabel("screen error known to the selection, px (median of frames)")
+    axes.set_ylabel("error, px")
     first = reports[0]
     size = "x".join(str(n) for n in first["settings"]["size_px"])
     axes.set_title(
@@ -83,23 +84,49 @@ def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
     )
     machine = first["machine"]
     note = f"{machine['cpu']}, {machine['cores']} cores; {machine['gl_renderer']}"
+    if any(map(_measured, reports)):
+        note += "\nmeasured: shortest distances between the drawn terrain and the sources' "
+        note += "own posts, both ways, at key frames; 95 % of pixels err less"
     figure.text(0.01, 0.01, note, fontsize=7, color="#555555")
-    axes.legend(frameon=False)
-    figure.tight_layout(rect=(0, 0.03, 1, 1))
+    axes.legend(frameon=False, fontsize=8)
+    figure.tight_layout(rect=(0, 0.05, 1, 1))
     save(figure, out)
     plt.close(figure)
 
 
-def _curve(axes: Any, name: str, runs: list[Json], colour: str) -> None:
-    runs = sorted(runs, key=lambda run: run["settings"]["threshold_px"])
+def _measured(run: Json) -> float | None:
+    """Return the 95th percentile of the measured error, None where none was measured."""
+    found = run.get("geometric_error_px", {}).get("p95")
+    # A logarithmic axis has no zero; what is below a thousandth of a pixel is as good.
+    return None if found is None else max(float(found), 1e-3)
+
+
+def _curves(axes: Any, name: str, runs: list[Json], colour: str) -> None:
+    """Draw a method's measured error, and the selection's own number in a thinner line."""
+    runs = sorted(runs, key=lambda run: float(run["settings"]["threshold_px"]))
+    known = [run for run in runs if _measured(run) is not None]
+    own = [float(run["screen_error_px"]["p50"]) for run in runs]
+    words = f"{name}: known to the selection, median of frames"
+    if known:
+        _curve(
+            axes, known, [_measured(run) for run in known], f"{name}: measured, p95", colour
+        )
+        x = [run["frames"]["p50_ms"] for run in runs]
+        style = {"color": colour, "lw": 1, "alpha": 0.6, "mfc": "white"}
+        axes.plot(x, own, "o--", label=words, **style)
+    else:
+        _curve(axes, runs, own, words, colour)
+
+
+def _curve(axes: Any, runs: list[Json], errors: Any, label: str, colour: str) -> None:
     x = np.array([run["frames"]["p50_ms"] for run in runs])
     worst = np.array([run["frames"]["p99_ms"] for run in runs])
-    y = np.array([run["screen_error_px"]["p50"] for run in runs])
+    y = np.array(errors, np.float64)
     floor = [run["floor"]["frame_p50_ms"] for run in runs]
     axes.hlines(y, x, np.maximum(worst, x), color=colour, lw=1, alpha=0.5)
-    axes.plot(x, y, "o-", color=colour, label=name)
+    axes.plot(x, y, "o-", color=colour, label=label)
     axes.plot(
-        floor, y, "|", color=colour, ms=14, mew=2, label=f"{name}: resident replay (floor)"
+        floor, y, "|", color=colour, ms=14, mew=2, label="the same, resident replay (floor)"
     )
     for run, px, error in zip(runs, x, y, strict=True):
         label = f" {run['settings']['threshold_px']:g} px"
@@ -118,9 +145,20 @@ def _plain_ticks(axes: Any) -> None:
 
 
 def flight_over_time(
-    table: Any, out: Path, *, budget_bytes: int, floor_ms: Any, error_px: Any
+    table: Any,
+    out: Path,
+    *,
+    budget_bytes: int,
+    floor_ms: Any,
+    error_px: Any,
+    measured: Sequence[Json] = (),
 ) -> None:
-    """Draw one flight: height, frame time beside its floor, screen error, memory."""
+    """Draw one flight: height, frame time beside its floor, errors, memory.
+
+    Parameters
+    ----------
+    measured : key frames with their time `t_s` and measured `p50` and `p95`, px
+    """
     plt = pyplot(out)
     figure, rows = plt.subplots(4, 1, figsize=(8, 8), sharex=True)
     t = table["t_s"]
@@ -132,8 +170,14 @@ def flight_over_time(
     rows[1].set_ylabel("frame, ms")
     rows[1].set_ylim(0, None)
     rows[1].legend(frameon=False, ncols=2)
-    rows[2].plot(t, error_px, color=COLOURS[2])
-    rows[2].set_ylabel("screen error, px")
+    rows[2].plot(t, error_px, color=COLOURS[2], label="known to the selection")
+    judged = [frame for frame in measured if "p95" in frame]
+    for mark, key in (("o", "p95"), (".", "p50")):
+        if judged:
+            at, found = zip(*((frame["t_s"], frame[key]) for frame in judged), strict=True)
+            rows[2].plot(at, found, mark, color="#444444", label=f"measured, {key}")
+    rows[2].legend(frameon=False, ncols=3)
+    rows[2].set_ylabel("error, px")
     rows[3].plot(t, table["memory_bytes"] / 2**20, color=COLOURS[3], label="accounted")
     rows[3].axhline(budget_bytes / 2**20, color="#444444", ls="--", lw=1, label="budget")
     rows[3].set_ylabel("memory, MiB")

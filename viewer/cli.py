@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`geopage render`, `fly`, `chart`, `demo` and `doctor`."""
+"""`geopage render`, `fly`, `accuracy`, `chart`, `demo` and `doctor`."""
 
 import argparse
 import sys
@@ -106,6 +106,47 @@ def summary(report: dict[str, Any]) -> str:
         f"{io['tiles_loaded']} tiles, {io['bytes_read'] / 1e6:.1f} MB read,"
         f" peak {memory['peak_bytes'] / MIB:.0f} of {memory['budget_bytes'] / MIB:.0f} MiB"
     )
+
+
+def accuracy(words: list[str]) -> int:
+    """Measure how far random views are from the sources."""
+    parser = Parser(
+        "accuracy",
+        "Measure the geometric pixel error of random settled views: the shortest distances"
+        " between what is drawn and the sources' own posts, both ways, in pixels.",
+        "Views are 10 m to 10,000 km above ground, straight down to the horizon, over the"
+        " globe and over every source. Buildings are left out.",
+    )
+    parser.add_argument("store", type=Path)
+    parser.add_argument("--views", type=whole, default=20, metavar="N")
+    parser.add_argument("--seed", type=int, default=1, metavar="S")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="write accuracy.json and views.csv there"
+    )
+    drawing(parser)
+    parser.set_defaults(size=(320, 240))
+    given = parser.read(words)
+    if given.seed < 0:
+        parser.error("--seed is below 0")
+    from viewer.accuracy import accuracy as measure  # noqa: PLC0415  (opens GL)
+    from viewer.accuracy import summary as in_words  # noqa: PLC0415
+
+    picture = picture_of(given)
+    found = measure(
+        given.store, settings_of(given), picture, given.views, given.seed, given.out
+    )
+    if given.json:
+        print_json(found)
+    else:
+        print(in_words(found))
+    return 0
+
+
+def whole(text: str) -> int:
+    """Read a whole number above zero."""
+    if not text.isdigit() or not 0 < int(text) <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
+    return int(text)
 
 
 def chart(words: list[str]) -> int:

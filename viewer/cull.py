@@ -9,7 +9,7 @@ instance array, whose 16 floats tell the vertex shader about the tile:
     4..6 up at the tile's centre             7 skirt depth (m)
     8..10 place in the grain of the ground (terrain); seed (objects)
     11 texture layer (terrain)               12 entry in the draw list
-    13 screen error (px)                     14, 15 zero
+    13 screen error (px)                     14 lean of the skirt (viewer/clearance.py)
 
 Commands are sorted from near to far, so that near surfaces hide far ones before those
 are shaded.
@@ -27,6 +27,7 @@ from tiles import geodesy
 from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
 from tiles.kernels import brief, inlined
 from tiles.terrain import TEXTURE_SIDE
+from viewer.clearance import LEAN, angles_to_box, level_m
 from viewer.slots import PATCH_M
 
 COMMAND_WORDS = 5
@@ -79,19 +80,11 @@ def distance_to_box(box_rad: NDArray[np.float64], max_height_m: float, eye: Eye)
     A sphere is a poor bound of a wide flat cell: the eye can be in it and yet be far
     above the ground, or beside the cell. Used for cells up to 45 degrees away.
     """
-    lon, lat, height_m = eye.place
-    middle = (box_rad[0] + box_rad[2]) / 2
-    aside = abs((lon - middle + math.pi) % (2 * math.pi) - math.pi)
-    aside = max(aside - (box_rad[2] - box_rad[0]) / 2, 0.0)
-    beyond = max(box_rad[1] - lat, lat - box_rad[3], 0.0)
+    aside, beyond = angles_to_box(box_rad, eye.place)
     if aside + beyond > math.pi / 4:
         return 1e-3
-    poleward = max(abs(box_rad[1]), abs(box_rad[3]), abs(lat))
-    radius_m = WGS84_B_M - 40_000.0
-    east_m = 2 * math.sin(aside / 2) * math.cos(min(poleward, math.pi / 2)) * radius_m
-    north_m = 2 * math.sin(beyond / 2) * radius_m
-    over_m = max(height_m - max_height_m, 0.0)
-    level = math.sqrt(east_m * east_m + north_m * north_m)
+    level = level_m(box_rad, eye.place, aside, beyond)
+    over_m = max(eye.place[2] - max_height_m, 0.0)
     return max(level, over_m, 1e-3)
 
 
@@ -191,6 +184,7 @@ def cull_terrain(
         error_px = min(scale, bound) * max(record["error_m"], record["texel_m"])
         _fill(room.instances[n], slot, eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]
+        room.instances[n, 14] = LEAN
         room.instances[n, 8] = slot["noise"][0]
         room.instances[n, 9] = slot["noise"][1]
         room.instances[n, 10] = slot["noise"][2]

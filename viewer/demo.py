@@ -16,7 +16,8 @@ from viewer.charts import read_report, speed_against_accuracy
 from viewer.page import Page, write_page
 from viewer.picture import write_png
 from viewer.poses import Flight
-from viewer.run import Run, bar, fly
+from viewer.progress import bar
+from viewer.run import Run, fly
 from viewer.session import Picture, Session
 
 SIZE_PX = (1280, 720)

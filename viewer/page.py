@@ -153,6 +153,7 @@ def _lines(report: Json) -> list[tuple[str, str, str]]:
     lines += [
         ("screen error, median", f"{error['p50']:.2f} px", why),
         ("screen error, 95th percentile", f"{error['p95']:.2f} px", ""),
+        *_measured(report),
         (
             "memory in use, peak",
             f"{memory['peak_bytes'] / mib:.0f} MiB",
@@ -168,6 +169,23 @@ def _lines(report: Json) -> list[tuple[str, str, str]]:
         ("where a frame's time goes", _stages(report["stages_ms"]), "mean per frame"),
     ]
     return lines
+
+
+def _measured(report: Json) -> list[tuple[str, str, str]]:
+    """Say how far the picture was from the sources, where that was measured."""
+    error = report.get("geometric_error_px")
+    if not error:
+        return []
+    why = (
+        "measured: shortest distances between what was drawn and the sources' own posts,"
+        f" both ways, at {len(error['frames'])} frames"
+    )
+    within = 100 * error["share_within_threshold"]
+    kept = f"{within:.2f} % of pixels within the threshold or the finest tile's own bound"
+    return [
+        ("geometric error, median", f"{error['p50']:.2f} px", why),
+        ("geometric error, 95th percentile", f"{error['p95']:.2f} px", kept),
+    ]
 
 
 def _stages(stages: dict[str, float]) -> str:

@@ -17,6 +17,7 @@ from tiles.objects import ObjectTile
 from tiles.terrain import TerrainTile
 from viewer import cull, gil, gl, grain, passes
 from viewer.arena import Arena, ArenaSize
+from viewer.clearance import Clearance, Drawn
 from viewer.gl import CallTable, Gl
 from viewer.look import HEIGHT, Look, frame_block
 from viewer.probes import Probes, ids_of, seen_of
@@ -75,6 +76,7 @@ class Renderer:
         self.size_px, self._supersample = size_px, supersample
         self.look = Look()
         self.arena = Arena(self.gl, forests, arena or ArenaSize())
+        self._clearance = Clearance(self.gl, self.arena)
         drawn = size_px[0] * supersample, size_px[1] * supersample
         self._target = Target(self.gl, drawn, (gl.RGBA8,))
         self._lanes = {
@@ -136,6 +138,8 @@ class Renderer:
     def free(self, lane: Lane, row: int) -> None:
         """Give a tile's memory back; no list that will be drawn may name it."""
         self.arena.free(lane, row)
+        if lane is Lane.TERRAIN:
+            self._clearance.forget(row)
 
     def is_uploaded(self, lane: Lane, row: int) -> bool:
         """Say whether a tile is on the GPU."""
@@ -192,13 +196,13 @@ class Renderer:
         objects = DRAWS_PER_OBJECT_TILE * len(draw_list.objects)
         if self._lanes[Lane.OBJECTS].grow(objects) or grown:
             self._build()
-        terrain = cull.cull_terrain(
-            self._lists(Lane.TERRAIN, draw_list.terrain),
-            draw_list.skirt_m,
-            eye,
-            float(view.width_px * view.height_px),
-            self._lanes[Lane.TERRAIN].room,
-        )
+        ground = self._lists(Lane.TERRAIN, draw_list.terrain)
+        room = self._lanes[Lane.TERRAIN].room
+        picture_px = float(view.width_px * view.height_px)
+        terrain = cull.cull_terrain(ground, draw_list.skirt_m, eye, picture_px, room)
+        children = self.forests[Lane.TERRAIN].children
+        drawn = Drawn(ground.rows, ground.slots, ground.records, children)
+        self._clearance.apply(room.instances[: terrain[0]], drawn, eye.place)
         parts = draw_list.own, draw_list.proxies, self.arena.pool.records
         own = cull.cull_objects(
             self._lists(Lane.OBJECTS, draw_list.objects),

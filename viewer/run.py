@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run of `geopage fly`: fly, replay, write everything into a folder."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from geopage.settings import PagerSettings
-from tiles.errors import InputError
+from tiles.errors import InputError, TileFault
 from tiles.lanes import Lane
 from viewer.camera_path import CameraPath, read_path
 from viewer.charts import flight_over_time
 from viewer.film import film
 from viewer.flight import Recording, fly_paced, fly_settled
+from viewer.key_frames import FRAMES, key_frames_error
 from viewer.page import Page, write_page
 from viewer.poses import Flight
+from viewer.progress import bar
 from viewer.replay import Replay, Rgb, look_again, time_again
 from viewer.report import flight_report, write_report
 from viewer.session import Picture, Session
@@ -54,6 +53,7 @@ def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Jso
         played = _replay(session, recording, path, run)
         about = {"path": path.name, "mode": "paced" if run.paced else "settled"}
         report = flight_report(session, recording, about, played)
+        report |= _measure(session, recording, report["faults"])
     _first_object(report, recording, session)
     write_report(run.out, report, recording, played)
     if run.page:
@@ -100,6 +100,18 @@ def _replay(session: Session, recording: Recording, path: CameraPath, run: Run) 
         return look_again(session, recording, frame_ms, keep if made else None, show)
 
 
+def _measure(session: Session, recording: Recording, faults: list[str]) -> Json:
+    """Return the geometric error as a part of the report; a flight is not lost over it."""
+    count = min(FRAMES, len(recording.views))
+    try:
+        with bar("measuring against the sources", count, "frames") as show:
+            found = key_frames_error(session, recording, show)
+    except (InputError, TileFault) as error:
+        faults.append(str(error))
+        found = {}
+    return {"geometric_error_px": found} if found else {}
+
+
 def _first_object(report: Json, recording: Recording, session: Session) -> None:
     """Say how far the first drawn object was, and how far d = s f / threshold says."""
     records = session.pager.forests[Lane.OBJECTS].records
@@ -127,34 +139,16 @@ def _write_page(run: Run, report: Json, recording: Recording, played: Replay) ->
         error_px=played.screen_error_px,
         budget_bytes=report["memory"]["budget_bytes"],
         floor_ms=played.frame_ms,
+        measured=report.get("geometric_error_px", {}).get("frames", ()),
     )
     name = report["settings"]["path"]
     seen = "in real time" if run.paced else "settled at every pose"
     text = (
-        "The flight over time. Height, frame time beside its floor, screen error, memory."
+        "The flight over time. Height, frame time beside its floor, screen error as the"
+        " selection knows it and geometric error as measured at key frames, memory."
     )
     film_name = run.film.name if run.film and run.film.parent == run.out else None
     charts = [("flight.svg", text)]
     write_page(
         run.out, Page(f"Flight {name}", f"Flown {seen}.", report, film_name, (), charts)
     )
-
-
-class bar:  # noqa: N801  (used as a statement)
-    """A progress bar on stderr that appears after a second."""
-
-    def __init__(self, what: str, total: float, unit: str) -> None:
-        form = "{l_bar}{bar}| {n:.0f}/{total:.0f} {unit} [{elapsed}<{remaining}]"
-        self._bar: Any = tqdm(
-            total=total, desc=what, unit=unit, delay=1.0, file=sys.stderr, bar_format=form
-        )
-
-    def __enter__(self) -> Any:
-        return self.show
-
-    def show(self, done: float) -> None:
-        """Show how far it is."""
-        self._bar.update(done - self._bar.n)
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.close()

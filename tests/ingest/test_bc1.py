@@ -51,7 +51,35 @@ def test_a_plain_colour_comes_back_within_the_rounding_of_565() -> None:
     for colour in ([0, 0, 0], [255, 255, 255], [200, 40, 90], [17, 130, 222]):
         plain = np.broadcast_to(np.array(colour, np.float32), (256, 256, 3))
         for found in levels(encode(plain)).values():
-            assert np.abs(found - colour).max() <= 8.5 / 2 + 1
+            assert np.abs(found - colour).max() <= 2
+
+
+def test_a_slow_change_of_colour_shows_no_steps() -> None:
+    """Open sea: 5-6-5 bits alone would make bands 8 wide."""
+    slow = np.linspace(0, 12, 256)[None, :, None] + np.array([50.0, 95.0, 145.0])
+    ramp = np.broadcast_to(slow, (256, 256, 3)).astype(np.float32)
+    gap = levels(encode(np.ascontiguousarray(ramp)))[256] - ramp
+    assert np.abs(gap).max() < 3
+    assert np.sqrt((gap**2).mean()) < 1.5
+
+
+def test_every_texel_takes_the_nearest_of_its_blocks_colours(
+    rng: np.random.Generator,
+) -> None:
+    picture = rng.uniform(0, 255, (256, 256, 3)).astype(np.float32)
+    blocks = encode(picture)[: MIP_BYTES[0]].reshape(-1, 8)
+    texels = picture.reshape(64, 4, 64, 4, 3).swapaxes(1, 2).reshape(-1, 16, 3)
+    ends = blocks[:, :4].copy().view("<u2").astype(np.float64)
+    assert (ends[:, 0] > ends[:, 1]).all(), "four colours, none transparent"
+    rgb = np.stack([ends // 2048 / 31, ends // 32 % 64 / 63, ends % 32 / 31], -1) * 255
+    first, second = rgb[:, 0], rgb[:, 1]
+    palette = np.stack(
+        [first, second, (2 * first + second) / 3, (first + 2 * second) / 3], 1
+    )
+    codes = blocks[:, 4:].copy().view("<u4") >> np.arange(0, 32, 2) & 3
+    away = np.linalg.norm(texels[:, :, None] - palette[:, None], axis=-1)
+    taken = np.take_along_axis(away, codes[..., None].astype(np.int64), 2)[..., 0]
+    np.testing.assert_allclose(taken, away.min(axis=2), atol=0.01)
 
 
 def test_an_edge_between_two_colours_stays_sharp() -> None:

@@ -17,6 +17,7 @@ from ingest.buildings import (
     remove_buildings,
 )
 from tiles import cells, geodesy
+from tiles.check import faults_of
 from tiles.errors import InputError
 from tiles.lanes import Lane
 from tiles.objects import decode
@@ -231,7 +232,9 @@ def test_a_failure_leaves_the_store_as_it_was(
         assert list(read.connection.iterdump()) == before
     with pytest.raises(KeyboardInterrupt):
         ingest_buildings(tmp_path / "new.geopage", [village], BuildingOptions())
-    assert not (tmp_path / "new.geopage").exists()
+    with Store(tmp_path / "new.geopage") as read:
+        assert not read.object_count()
+        assert not list(faults_of(read))
 
 
 def test_one_bad_file_among_several_writes_nothing(tmp_path: Path, village: Path) -> None:

@@ -12,6 +12,7 @@ import rasterio
 from rasterio.enums import ColorInterp
 
 from geopage.cli import main
+from ingest.cli import Bars
 from ingest.terrain import ingest_rasters
 from tests.ingest.rasters import EGM96, coarse, hills, north_up, write
 from tiles.lanes import Lane
@@ -232,7 +233,15 @@ def test_json_is_one_object_and_nothing_else(
     assert main([*words, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["read"] == report["stored"] + report["merged"] + report["skipped"] == 400
-    assert report["sources"] == [{"name": "a", "datum": "egm96"}]
+    (source,) = report["sources"]
+    assert (source["name"], source["datum"], source["datum_from"]) == (
+        "a",
+        "egm96",
+        "stated",
+    )
+    assert source["datum_here"].startswith("egm96: heights are 49.5 to 49.7 m above")
+    assert report["posts_per_s"] > 0
+    assert set(report["seconds_by_stage"]) >= {"read", "mesh", "swap"}
     assert report["tiles"] >= 32
     assert main(["remove", store, "a", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["removed"] == "a"
@@ -282,3 +291,17 @@ def test_terrain_under_buildings_grounds_them_again(
         (base,) = (one["base_m"] for one in opened.objects([1]))
     assert base == pytest.approx(500, abs=5)
     capsys.readouterr()
+
+
+def test_bars_say_posts_and_tiles_a_second(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.cli.QUIET_S", 0.0)
+    bars = Bars()
+    for what in ("reading alps", "meshing terrain", "grounded"):
+        for done in (1, 2):
+            bars(done, 2, what)
+    bars.close()
+    shown = capsys.readouterr().err
+    for text in ("reading alps: 100%", " posts/s", "meshing terrain: 100%", " tiles/s"):
+        assert text in shown

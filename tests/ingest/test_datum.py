@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vertical datums: EGM96 as PROJ has it, everything unknown refused."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pyproj
 import pytest
@@ -8,6 +12,7 @@ import pytest
 from ingest.datum import datum_of, undulation_m, unit_m
 from tests.ingest.rasters import geoid_m
 from tiles.errors import InputError
+from tiles.samples import SAMPLES
 
 NAVD88 = "EPSG:4326+5703"
 
@@ -86,8 +91,44 @@ def test_a_datum_that_is_not_known_or_has_no_grid_is_refused(
 
 def test_units_come_from_the_band_or_the_vertical_system() -> None:
     feet = pyproj.CRS("EPSG:4326+6360").to_wkt()  # NAVD88 height (ftUS)
-    assert unit_m(None, feet, None) == pytest.approx(1200 / 3937)
-    assert unit_m(None, "EPSG:4326+5773", None) == 1.0
-    assert unit_m("egm96", None, None) == 1.0
-    assert unit_m("egm96", None, "ft") == 0.3048
-    assert unit_m("egm96", None, "m") == 1.0
+    assert unit_m("a.tif", None, feet, None) == pytest.approx(1200 / 3937)
+    assert unit_m("a.tif", "EPSG:6360", None, None) == pytest.approx(1200 / 3937)
+    assert unit_m("a.tif", None, "EPSG:4326+5773", None) == 1.0
+    assert unit_m("a.tif", "egm96", None, None) == 1.0
+    assert unit_m("a.tif", "egm96", feet, None) == 1.0
+    assert unit_m("a.tif", "egm96", None, "ft") == 0.3048
+    assert unit_m("a.tif", "egm96", None, "m") == 1.0
+
+
+def test_a_unit_that_is_no_length_is_refused() -> None:
+    with pytest.raises(InputError, match=r"a\.tif: heights in an unknown unit 'K'"):
+        unit_m("a.tif", "egm96", None, "K")
+
+
+def test_depths_are_no_heights() -> None:
+    with pytest.raises(InputError, match="depths"):
+        datum_of("a.tif", "EPSG:5831", None)
+
+
+PROJ = """
+import sys
+import numpy as np
+import pyproj
+pyproj.datadir.append_data_dir(sys.argv[1])
+from ingest.datum import datum_of, undulation_m
+assert datum_of("a.tif", "egm2008", None) == datum_of("a.tif", "EPSG:3855", None)
+lon, lat = np.radians([11.3, -100.2, 190.0]), np.radians([46.1, -30.4, 5.0])
+found = undulation_m("egm2008", lon, lat)
+np.testing.assert_allclose(found, undulation_m("egm96", lon, lat), atol=1e-4)
+assert np.isnan(undulation_m("egm2008", np.array([np.inf]), np.zeros(1))).all()
+"""
+
+
+def test_a_grid_that_proj_has_is_used(tmp_path: Path) -> None:
+    """Our grid of EGM96 under the name of EGM2008's."""
+    grid = tmp_path / "us_nga_egm08_25.tif"
+    grid.write_bytes((SAMPLES / "egm96_15.tif").read_bytes())
+    words = [sys.executable, "-c", PROJ, str(tmp_path)]
+    root = str(Path(__file__).parents[2])
+    done = subprocess.run(words, cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

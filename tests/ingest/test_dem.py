@@ -100,3 +100,18 @@ def test_a_message_is_one_line_however_gdal_puts_it(tmp_path: Path) -> None:
     with pytest.raises(InputError) as refusal:
         open_raster(path)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y", "step", "spacing_m"),
+    [
+        ("EPSG:3857", 1.2e6, 8.4e6, 100.0, 50.0),  # Web Mercator at 60 degrees north
+        ("EPSG:32632", 6.2e5, 5.1e6, 30.0, 30.0),
+        ("EPSG:2263", 9.8e5, 2.0e5, 100.0, 30.48),  # feet
+    ],
+)
+def test_spacing_is_what_it_is_on_the_earth(
+    crs: str, x: float, y: float, step: float, spacing_m: float, tmp_path: Path
+) -> None:
+    info = info_of(write(tmp_path / "a.tif", POSTS, north_up(x, y, step), crs))
+    assert info.spacing_m == pytest.approx(spacing_m, rel=0.01)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pyproj
 import pytest
+import rasterio
 from numpy.typing import NDArray
 
 from ingest.layer import Layer
 from ingest.terrain import RasterOptions, editing, plan
 from ingest.terrain import copy as copy_source
-from tests.ingest.rasters import geoid_m, hills, north_up, source_height_m, write
-from tiles.frames import WGS84_A_M
+from tests.ingest.rasters import geoid_m, hills, north_up, pixels, source_height_m, write
+from tiles.frames import WGS84_A_M, Floats
 
 Opener = Callable[..., Layer]
 ELLIPSOID = RasterOptions(datum="ellipsoid")
@@ -147,3 +148,120 @@ def test_a_turned_raster_keeps_its_places(opened: Opener, tmp_path: Path) -> Non
     assert np.isfinite(truth).all()
     found = layer.heights(np.radians(lon), np.radians(lat), 0.0)
     np.testing.assert_allclose(found, truth, atol=1e-3)
+
+
+def elevation_m(path: Path, lon_deg: Floats, lat_deg: Floats) -> Floats:
+    """Read a global or polar file as `source_height_m` does, columns taken once round."""
+    with rasterio.open(path) as dataset:
+        posts = dataset.read(1).astype(np.float64)
+    col, row = pixels(path, lon_deg, lat_deg)
+    if dataset.crs.is_geographic:
+        col %= 360 / dataset.transform.a
+        if abs(posts.shape[1] * dataset.transform.a - 360) < 1e-9:
+            posts = np.concatenate([posts, posts[:, :1]], axis=1)
+    c = np.clip(np.floor(col), 0, posts.shape[1] - 2).astype(int)
+    r = np.clip(np.floor(row), 0, posts.shape[0] - 2).astype(int)
+    x, y = col - c, row - r
+    nw, ne, sw, se = posts[r, c], posts[r, c + 1], posts[r + 1, c], posts[r + 1, c + 1]
+    east, south = nw + x * (ne - nw) + y * (se - ne), nw + y * (sw - nw) + x * (se - sw)
+    found = np.where(x > y, east, south)
+    beyond = (col < 0) | (col > posts.shape[1] - 1) | (row < 0) | (row > posts.shape[0] - 1)
+    return np.where(beyond, np.nan, found)
+
+
+EVERYWHERE = (-180.0, 180.0, -90.0, 90.0)
+
+
+@pytest.mark.parametrize(
+    ("crs", "where", "shape", "box"),
+    [
+        ("EPSG:3413", north_up(-300e3, 300e3, 5e3), (120, 120), (-180, 180, 87, 90)),
+        ("EPSG:3031", north_up(-300e3, 300e3, 5e3), (120, 120), (-180, 180, -90, -87)),
+        ("EPSG:4326", north_up(0, 90, 2.0), (90, 180), EVERYWHERE),
+        ("EPSG:4326", north_up(-180, 90, 2.0), (90, 180), EVERYWHERE),
+        ("EPSG:4326", north_up(171, 8, 0.25), (64, 72), (171.2, 188.8, -7.8, 7.8)),
+        ("EPSG:4326", north_up(-189, 8, 0.25), (64, 72), (171.2, 188.8, -7.8, 7.8)),
+        ("EPSG:3832", north_up(3e6, 9e5, 3e4), (60, 60), (178, 190, -7, 7)),
+        ("EPSG:32601", north_up(1e5, 9e5, 3e3), (90, 90), (179.3, 182, 6, 8)),
+    ],
+)
+def test_over_poles_and_the_antimeridian_heights_are_the_files(
+    opened: Opener,
+    tmp_path: Path,
+    crs: str,
+    where: Any,
+    shape: tuple[int, int],
+    box: tuple[float, float, float, float],
+    rng: np.random.Generator,
+) -> None:
+    layer = opened(hills(shape, 1.0, 100.0), where, crs)
+    lon, lat = rng.uniform(*box[:2], 2000), rng.uniform(*box[2:], 2000)
+    # Both sides of the seam, and the pole.
+    lon[:40], lon[40:80], lat[80:90] = -180 + 1e-9, 180 - 1e-9, max(box[2:], key=abs)
+    truth = elevation_m(tmp_path / "source.tif", lon, lat)
+    told = np.isfinite(truth)
+    turn = rng.choice([-360.0, 0.0, 360.0], 2000)
+    found = layer.heights(np.radians(lon + turn), np.radians(lat), 0.0)
+    assert told.mean() > 0.5
+    # Near its pole a projection turns the rounding of a longitude into a millimetre.
+    np.testing.assert_allclose(found[told], truth[told], atol=2e-3)
+    assert np.isnan(found[~told]).all() or layer.wraps
+
+
+def test_between_the_last_row_and_the_pole_the_surface_closes(opened: Opener) -> None:
+    posts = hills((90, 180), 1.0, 100.0)
+    layer = opened(posts, north_up(0, 90, 2.0), "EPSG:4326")
+    for pole, row in ((90.0, 0), (-90.0, -1)):
+        lon = np.radians(np.linspace(-180, 180, 9))
+        at_pole = layer.heights(lon, np.full(9, np.radians(pole)), 0.0)
+        np.testing.assert_allclose(at_pole, posts[row].mean(dtype=float), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("crs", "where"),
+    [
+        ("EPSG:4326", north_up(11.0, 46.5, 0.01)),
+        ("EPSG:4326", north_up(178.0, 46.5, 0.01)),
+        ("EPSG:4326", north_up(-180.0, 90.0, 0.45)),
+        ("EPSG:32632", north_up(660_000.0, 5_150_000.0, 500.0)),
+        ("EPSG:3413", north_up(-1_200_000.0, 900_000.0, 3000.0)),
+    ],
+)
+def test_a_box_with_a_post_in_it_holds_data(
+    opened: Opener, crs: str, where: Any, rng: np.random.Generator
+) -> None:
+    """A few islands in 800 x 400 posts; boxes of all sizes, some over the antimeridian."""
+    posts = np.full((400, 800), np.nan, np.float32)
+    rows, cols = rng.integers(0, 400, 12), rng.integers(0, 800, 12)
+    posts[rows, cols] = 1.0
+    layer = opened(posts, where, crs)
+    lon, lat = layer.places(cols.astype(float), rows.astype(float))
+    extent = np.radians(layer.bounds_deg)
+    wrong_yes = empty = 0
+    for size in 10.0 ** rng.uniform(-3, 0, 300):
+        wide, high = size * (extent[2] - extent[0]), size * (extent[3] - extent[1])
+        west, south = rng.uniform(extent[0], extent[2]), rng.uniform(extent[1], extent[3])
+        box = west - wide / 2, south - high / 2, west + wide / 2, south + high / 2
+        off = (lon - box[0]) % (2 * np.pi)
+        inside = ((off <= wide) & (lat >= box[1]) & (lat <= box[3])).any()
+        held = layer.holds(box)
+        assert held or not inside
+        empty += not inside
+        wrong_yes += held and not inside
+    for k in range(12):
+        assert layer.holds((lon[k], lat[k], lon[k], lat[k]))
+        assert layer.holds(
+            (lon[k] - 7, lat[k] - 1e-9, lon[k] - 7 + 2 * np.pi, lat[k] + 1e-9)
+        )
+    assert empty > 100
+    assert wrong_yes < 0.25 * empty
+
+
+def test_boxes_beside_a_source_hold_none_of_its_data(opened: Opener) -> None:
+    layer = opened(np.ones((40, 40), np.float32), north_up(11, 46, 0.01), "EPSG:4326")
+    beside = [
+        (10.0, 45.6, 10.9, 46.0),
+        (11.1, 46.1, 11.2, 46.2),
+        (-170.0, 45.6, -160.0, 46),
+    ]
+    assert not any(layer.holds(np.radians(box)) for box in beside)

@@ -6,15 +6,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
+from numpy.typing import NDArray
 
+from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain import RasterOptions, editing, plan
 from ingest.terrain import copy as copy_source
 from tests.ingest.rasters import (
     EGM96,
     STEP,
+    UTM,
     Floats,
+    coarse,
     geoid_m,
     hills,
     north_up,
@@ -87,8 +92,7 @@ def test_the_surface_has_no_cliff_at_the_rim(nested: Mosaic, nested_folder: Path
     )
     jump = np.abs(np.nanmean(own) - np.nanmean(coarse))
     assert jump > 100
-    # Between two rim posts the delta surface can't know the source's own edge.
-    assert max(steepest) < 5 * own_step
+    assert max(steepest) < 3 * own_step
     assert max(steepest) < jump / 2
 
 
@@ -187,15 +191,79 @@ def test_without_any_source_the_surface_is_the_sea(tmp_path: Path) -> None:
     connection.close()
 
 
-def test_a_long_rim_is_thinned_evenly(tmp_path: Path) -> None:
+def rough_inset(path: Path, rng: np.random.Generator) -> Path:
+    """Write 300 x 250 posts 30 m apart, steep and noisy, with holes of all sizes."""
+    posts = hills((250, 300), 0.08, 300.0) + rng.normal(size=(250, 300)) * 15 + 500
+    posts[60:110, 80:150] = -9999
+    for _ in range(20):
+        row, col = rng.integers(0, 240), rng.integers(0, 290)
+        posts[row : row + rng.integers(1, 12), col : col + rng.integers(1, 12)] = -9999
+    posts[rng.random(posts.shape) < 0.002] = -9999
+    x, y = pyproj.Transformer.from_crs(4326, UTM, always_xy=True).transform(11.1, 46.25)
+    where = north_up(x, y, 30.0)
+    return write(path, posts.astype(np.float32), where, UTM, -9999.0)
+
+
+def across_the_rim(layer: Layer, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return places (2, n), pairs 4 mm apart just inside and just outside the posts."""
+
+    def known(at: Floats) -> NDArray[np.bool_]:
+        return np.isfinite(layer.heights(*layer.places(*at), 0.0))
+
+    inside = rng.uniform(0, 250, (2, 60_000))
+    turn = rng.uniform(0, 2 * np.pi, 60_000)
+    outside = inside + 2.0 * np.stack([np.cos(turn), np.sin(turn)])
+    pair = known(inside) & ~known(outside)
+    inside, outside = inside[:, pair], outside[:, pair]
+    for _ in range(14):
+        middle = (inside + outside) / 2
+        inner = known(middle)
+        inside, outside = np.where(inner, middle, inside), np.where(inner, outside, middle)
+    lon, lat = zip(layer.places(*inside), layer.places(*outside), strict=True)
+    return np.stack(lon), np.stack(lat)
+
+
+def test_a_rough_inset_meets_its_surroundings_everywhere(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """At any place of its rim, holes included, and over the coarser posts' folds."""
+    low, high = coarse(tmp_path / "low.tif"), rough_inset(tmp_path / "high.tif", rng)
+    mosaic, connection = mosaic_of(
+        tmp_path / "w.geopage", [(low, ELLIPSOID), (high, ELLIPSOID)]
+    )
+    lon, lat = across_the_rim(mosaic.layers[1], rng)
+    inside, outside = (mosaic.heights(a, b, 0.0) for a, b in zip(lon, lat, strict=True))
+    step_m = np.abs(inside - outside)
+    between_sources_m = np.abs(inside - mosaic.layers[0].heights(lon[0], lat[0], 0.0))
+    assert len(step_m) > 1000
+    assert np.median(between_sources_m) > 200
+    assert np.quantile(step_m, 0.95) < 0.05
+    assert (step_m < 0.1 + 0.001 * between_sources_m).all()
+    connection.close()
+
+
+def test_a_long_rim_is_kept_whole(tmp_path: Path) -> None:
     posts = np.full((1500, 1500), 200, np.float32)
     path = write(tmp_path / "big.tif", posts, north_up(10, 46, STEP / 50), "EPSG:4326")
     mosaic, connection = mosaic_of(tmp_path / "w.geopage", [(path, ELLIPSOID)])
     rim = mosaic.rims[0]
     assert rim is not None
-    foot = rim.foot.T.astype(float) + rim.middle
-    assert 2500 < len(foot) <= 4000
-    lon = np.degrees(np.arctan2(foot[:, 1], foot[:, 0]))
-    sides = [(lon < lon.min() + 1e-4).sum(), (lon > lon.max() - 1e-4).sum()]
-    assert min(sides) > 500
+    assert len(rim.lines) >= 4 * 1499
+    connection.close()
+
+
+def test_the_sea_beside_a_coast_stays_sea(tmp_path: Path, rng: np.random.Generator) -> None:
+    """The fine source ends at the coast, up to 60 m high; the coarse one has a sea bed."""
+    lon_deg = 10 + 0.1 * (np.arange(40) + 0.5)
+    bed = np.broadcast_to((lon_deg - 12) * 100, (20, 40)).astype(np.float32)
+    low = write(tmp_path / "low.tif", bed, north_up(10, 1, 0.1), "EPSG:4326")
+    land = rng.uniform(1, 60, (100, 100)).astype(np.float32)
+    high = write(tmp_path / "high.tif", land, north_up(11.0, 0.5, 0.01), "EPSG:4326")
+    mosaic, connection = mosaic_of(tmp_path / "w.geopage", [(low, EGM96), (high, EGM96)])
+    lon, lat = rng.uniform(10.5, 10.96, 3000), rng.uniform(-0.4, 0.4, 3000)
+    found = heights(mosaic, lon, lat) - geoid_m(lon, lat)
+    # West of the coast the bed is 100 m deep and more; a fine post is 1.1 km.
+    assert found.max() < 0.05
+    shore = heights(mosaic, np.full(100, 11.00499), np.linspace(-0.4, 0.4, 100))
+    assert (shore - geoid_m(np.full(100, 11.005), np.linspace(-0.4, 0.4, 100)) > 1).all()
     connection.close()

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ingest.sampling import bilinear_rgb, triangulated
+from ingest.sampling import triangulated
 
 
 def test_posts_come_back_exactly(rng: np.random.Generator) -> None:
@@ -38,10 +38,3 @@ def test_nothing_is_invented_outside_or_beside_no_data() -> None:
 def test_an_edge_of_the_raster_does_not_need_the_posts_beyond_it() -> None:
     one_row = np.array([[1, 3]], np.float32)
     assert triangulated(one_row, np.array([0.25]), np.array([0.0])).tolist() == [1.5]
-
-
-def test_a_picture_repeats_its_edge_and_is_bilinear_inside() -> None:
-    picture = np.zeros((2, 2, 3), np.uint8)
-    picture[0, 1], picture[1, 0] = 100, 200
-    x, y = np.array([0.5, -3.0, 9.0]), np.array([0.5, 9.0, -1.0])
-    assert bilinear_rgb(picture, x, y)[:, 0].tolist() == [75, 200, 100]

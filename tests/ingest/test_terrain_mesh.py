@@ -4,9 +4,17 @@
 import numpy as np
 import pytest
 
-from ingest.terrain_mesh import Surface, build_surface, lattice_of, lattice_places
+from ingest.terrain_mesh import (
+    Meshing,
+    Places,
+    Surface,
+    build_surface,
+    lattice_places,
+    snapped,
+)
+from tests.ingest.rasters import drawn, lattice_of, places_deg
 from tiles import cells, geodesy
-from tiles.mesh import SEA, SKIRT, UV_ONE
+from tiles.mesh import SKIRT, UV_ONE
 
 SIDE = 16
 CELLS = [
@@ -16,8 +24,7 @@ CELLS = [
 
 
 def surface_of(cell: int, height_m: np.ndarray) -> Surface:
-    lattice = lattice_of(cell, *lattice_places(cell, SIDE), height_m)
-    return build_surface(lattice, height_m < 0, 1.0)
+    return build_surface(cell, lattice_of(cell, height_m), 1.0)
 
 
 @pytest.fixture(params=CELLS)
@@ -80,13 +87,6 @@ def test_walls_of_the_skirt_face_away_from_the_cell(surface: Surface) -> None:
     assert ((normal * away).sum(axis=1)[wide] > 0).all()
 
 
-def test_vertices_below_sea_level_are_marked(surface: Surface) -> None:
-    _, _, height = geodesy.to_geodetic(surface.points + surface.mesh.centre)
-    below = surface.mesh.vertices["flags"][: len(surface.uv)] & SEA == SEA
-    sure = np.abs(height) > 3 * surface.mesh.scale_m
-    assert (below == (height < 0))[sure].all()
-
-
 def test_neighbours_share_the_posts_of_their_edge() -> None:
     west = int(cells.cell_at(np.radians(11), np.radians(46), 9))
     zone, row, col = int(cells.zone(west)), *(int(n) for n in cells.row_col(west))
@@ -95,3 +95,73 @@ def test_neighbours_share_the_posts_of_their_edge() -> None:
     lon_e, lat_e = lattice_places(east, SIDE)
     np.testing.assert_allclose(lon_w[:, -1], lon_e[:, 0], atol=1e-15)
     np.testing.assert_array_equal(lat_w[:, -1], lat_e[:, 0])
+
+
+@pytest.mark.parametrize("bound_m", [20.0, 100.0])
+def test_every_place_is_within_the_bound_rounding_included(
+    bound_m: float, rng: np.random.Generator
+) -> None:
+    for cell in CELLS[:2]:  # at a pole, triangles are bent in longitude and latitude
+        heights = rng.normal(0, 30, (SIDE + 1, SIDE + 1))
+        places = lattice_of(int(cell), heights)
+        surface = build_surface(int(cell), places, bound_m)
+        rounding_m = np.sqrt(3) / 2 * surface.mesh.scale_m
+        gap = np.linalg.norm(drawn(surface, places.at / UV_ONE) - places.points, axis=1)
+        # On cells of 1000 km a step of 16 bits may be more than the bound.
+        # Slopes are small: straight up it is hardly more than the shortest distance.
+        assert gap.max() <= 1.03 * max(bound_m, rounding_m)
+        used = np.linalg.norm(
+            surface.points + surface.mesh.centre - places.points[surface.used], axis=1
+        )
+        assert used.max() <= rounding_m + 1e-6
+
+
+def test_triangles_cover_the_cell_once(surface: Surface) -> None:
+    at = np.rint(surface.uv * UV_ONE)
+    a, b, c = np.moveaxis(at[surface.triangles], 1, 0)
+    twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    assert (twice > 0).all()
+    assert twice.sum() == 2 * UV_ONE * UV_ONE
+
+
+def test_vertices_lie_where_the_places_said(surface: Surface) -> None:
+    detail = surface.mesh.vertices["detail"][: len(surface.uv)]
+    np.testing.assert_array_equal(detail, surface.uv * UV_ONE)
+    assert {(0, 0), (UV_ONE, 0), (0, UV_ONE), (UV_ONE, UV_ONE)} <= set(
+        map(tuple, detail.tolist())
+    )
+
+
+def test_only_what_lies_on_an_edge_is_rounded_to_it() -> None:
+    step = 1 / UV_ONE
+    fractions = np.array([0.0, 0.1 * step, 0.49 * step, 0.6 * step, 0.5, 1 - 0.1 * step, 1])
+    np.testing.assert_array_equal(
+        snapped(fractions), [0, 1, 1, 1, UV_ONE // 2, UV_ONE - 1, UV_ONE]
+    )
+
+
+def test_of_places_that_are_alike_the_first_counts() -> None:
+    at = np.array([(0, 0), (9, 0), (9, 9), (0, 9), (5, 5), (4, 4), (5, 5), (9, 9)])
+    points = np.arange(24.0).reshape(8, 3)
+    places = Places.of(at, points, -1)
+    np.testing.assert_array_equal(places.at, at[:6])
+    np.testing.assert_array_equal(places.points, points[:6])
+    assert places.lean == -1
+
+
+def test_what_is_added_to_a_mesh_becomes_a_vertex(rng: np.random.Generator) -> None:
+    for cell in map(int, CELLS):
+        places = lattice_of(cell, np.zeros((SIDE + 1, SIDE + 1)))
+        more = rng.integers(1, UV_ONE, (30, 2))
+        points = geodesy.to_ecef(*np.radians(places_deg(cell, more / UV_ONE)), np.zeros(30))
+        meshing = Meshing(cell, places)
+        meshing.refine(1e5)
+        assert meshing.add(more, points, np.zeros(30, np.int64))
+        meshing.refine(1e5)
+        surface = meshing.surface()
+        at = np.rint(surface.uv * UV_ONE).astype(int)
+        found = (at[:, None] == more).all(axis=-1)
+        assert found.any(axis=0).all()
+        vertex = found.argmax(axis=0)
+        gap = np.linalg.norm(surface.points[vertex] + surface.mesh.centre - points, axis=1)
+        assert gap.max() <= surface.mesh.scale_m

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tiles import objects, terrain
-from tiles.codec import HEADER, MAGIC, checksum, pack, unpack, zstd
+from tiles.codec import HEADER, MAGIC, checksum, pack, read_header, unpack, zstd
 from tiles.errors import TileFault
 from tiles.frames import Ecef, Local
 from tiles.index_tree import INDEX
@@ -94,6 +94,25 @@ def test_a_body_begins_with_its_magic_and_header(ground: TerrainTile) -> None:
     assert raw[:4] == MAGIC == b"GPT1"
     assert int.from_bytes(raw[8:16], "little") == 12345
     assert len(raw) == 80 + 16 * 50 + 2 * 90 + TEXTURE_BYTES
+
+
+def test_the_header_comes_without_the_rest(ground: TerrainTile, town: ObjectTile) -> None:
+    body = terrain.encode(ground)
+    head = read_header(Lane.TERRAIN, body)
+    assert (head["cell"], head["index_count"], head["surface_index_count"]) == (
+        12345,
+        90,
+        60,
+    )
+    assert (
+        read_header(Lane.OBJECTS, objects.encode(town))
+        == unpack(Lane.OBJECTS, objects.encode(town))[0]
+    )
+    for bad in (b"", b"x", b"\0" * 99, zstd.compress(b"GPT1"), zstd.compress(b"\0" * 99)):
+        with pytest.raises(TileFault):
+            read_header(Lane.TERRAIN, bad)
+    with pytest.raises(TileFault, match="not a tile of this lane"):
+        read_header(Lane.OBJECTS, body)
 
 
 def test_any_damaged_body_is_a_fault(

@@ -2,6 +2,8 @@
 """Reading a store: what is no whole store of this version is refused in one line."""
 
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +82,23 @@ def test_a_store_whose_pages_are_still_in_its_log_is_whole(tmp_path: Path) -> No
         Path(f"{copy}-wal").write_bytes(log)
         with Store(copy) as store:
             assert store.body(1) == bytes(300_000)
+
+
+OTHER = """
+import sys
+from tiles.writer import Writer
+with Writer(sys.argv[1]) as writer, writer.transaction():
+    writer.set_meta("generation", sys.argv[2])
+"""
+
+
+def test_a_reader_beside_another_sees_what_other_processes_write(path: Path) -> None:
+    """Opening a store a second time must not take the first one's locks."""
+    with Store(path) as first, Store(path) as second:
+        for generation in ("5", "6"):
+            words = [sys.executable, "-c", OTHER, str(path), generation]
+            subprocess.run(words, cwd=Path(__file__).parents[2], check=True)
+            assert first.meta("generation") == second.meta("generation") == generation
 
 
 def test_a_changed_index_block_is_a_fault(path: Path) -> None:

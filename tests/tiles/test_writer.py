@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writing a store: all or nothing, and readers fly on."""
 
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from tiles import cells
 from tiles.codec import checksum
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
-from tiles.store import Store
+from tiles.store import Store, wal_bytes
 from tiles.writer import Writer
 
 ROOTS = [int(cells.make(zone, 0, 0, 0)) for zone in range(4)]
@@ -133,3 +134,115 @@ def test_sources_keep_their_order_and_take_their_blocks_along(path: Path) -> Non
         held = writer.connection.execute("SELECT source FROM raster_block").fetchall()
         assert held == [("b@2",)]
         assert [s["name"] for s in writer.sources()] == ["b"]
+
+
+def note_all(writer: Writer) -> list[int]:
+    """Write two tiles and a copy that nobody names, and note them."""
+    with writer.transaction():
+        rows = writer.add_tiles(Lane.TERRAIN, [(ROOTS[0], b"x"), (ROOTS[1], b"y")])
+        writer.note("part a 1", b"first", rows=rows)
+        row = ("new@1", 0, 0, 0, b"x")
+        writer.connection.execute("INSERT INTO raster_block VALUES(?,?,?,?,?)", row)
+        writer.note("copy a", b"second", blocks="new@1")
+    return rows
+
+
+def test_notes_are_found_by_how_they_begin(path: Path) -> None:
+    with Writer(path) as writer:
+        note_all(writer)
+    with Writer(path) as writer:
+        assert writer.noted("part a ") == {"1": b"first"}
+        assert writer.noted("copy a") == {"": b"second"}
+        assert writer.noted("part _ ") == {}
+
+
+@pytest.mark.parametrize("lane", list(Lane))
+def test_a_swap_takes_away_what_was_noted_and_is_not_named(path: Path, lane: Lane) -> None:
+    with Writer(path) as writer:
+        rows = note_all(writer)
+        with writer.transaction():
+            swap(writer, "second", lane)
+        ask = writer.connection.execute
+        assert not {row for (row,) in ask("SELECT row FROM tile")} & set(rows)
+        assert ask("SELECT COUNT(*) FROM raster_block").fetchone() == (0,)
+        assert writer.noted("") == {}
+        with writer.transaction():
+            swap(writer, "third", lane)
+        held = read_all(writer, writer.index(Lane.TERRAIN))
+        assert held == bodies("third" if lane is Lane.TERRAIN else "first")
+
+
+def test_a_swap_keeps_what_was_noted_and_is_named_now(path: Path) -> None:
+    with Writer(path) as writer:
+        first, second = note_all(writer)
+        records: NDArray[np.void] = np.zeros(1, INDEX)
+        records["cell"], records["row"] = ROOTS[0], first
+        with writer.transaction():
+            writer.replace_sources([{"name": "s", "kind": "terrain", "blocks": "new@1"}])
+            writer.replace_index(Lane.TERRAIN, records)
+        assert (writer.body(first), writer.body(second)) == (b"x", b"")
+        count = writer.connection.execute("SELECT COUNT(*) FROM raster_block").fetchone()
+        assert count == (1,)
+        for _ in range(2):
+            with writer.transaction():
+                writer.replace_index(Lane.TERRAIN, records)
+        assert writer.body(first) == b"x"
+
+
+def test_retiring_tiles_does_not_write_them_again(path: Path) -> None:
+    """The log holds the swap, not the bodies of what goes."""
+    with Writer(path) as writer:
+        records: NDArray[np.void] = np.zeros(0, INDEX)
+        with writer.transaction():
+            many = ((cell, bytes(50_000)) for cell in range(100))
+            writer.add_tiles(Lane.TERRAIN, many)
+        writer.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        for _ in range(2):
+            with writer.transaction():
+                writer.replace_index(Lane.TERRAIN, records)
+        assert Path(f"{path}-wal").stat().st_size < 1_000_000
+        assert writer.connection.execute("SELECT COUNT(*) FROM tile").fetchone() == (0,)
+
+
+def test_the_log_is_emptied_as_soon_as_readers_let_it(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tiles.writer.LOG_BYTES", 1_000_000)
+    monkeypatch.setattr("tiles.writer.TRIM_MS", 1)
+
+    def write(writer: Writer) -> int:
+        with writer.transaction():
+            writer.add_tiles(Lane.TERRAIN, [(1, bytes(100_000))])
+        writer.trim_log()
+        return wal_bytes(path)
+
+    with Writer(path) as writer, Store(path) as reader:
+        read = reader.connection.execute("SELECT row FROM tile")
+        assert write(writer) < write(writer)
+        held = [write(writer) for _ in range(25)]
+        assert held == sorted(held)  # what it reads must stay
+        assert held[-1] > 2_000_000
+        read.close()
+        assert min(write(writer) for _ in range(25)) < 1_000_000
+        busy_ms = writer.connection.execute("PRAGMA busy_timeout").fetchone()[0]
+        assert busy_ms == 10_000
+
+
+def test_a_store_without_the_newer_tables_gets_them(path: Path) -> None:
+    with Writer(path) as writer:
+        for table in ("retired", "unfinished"):
+            writer.connection.execute(f"DROP TABLE {table}")
+        writer.connection.execute("DROP INDEX tile_by_lane")
+    with Writer(path) as writer:
+        note_all(writer)
+        with writer.transaction():
+            swap(writer, "second")
+        assert read_all(writer, writer.index(Lane.TERRAIN)) == bodies("second")
+
+
+def test_a_store_that_can_not_be_made_leaves_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "world.geopage"
+    with pytest.raises(sqlite3.OperationalError):
+        Writer(tmp_path / "none" / "world.geopage")
+    Writer(folder).close()
+    assert [one.name for one in tmp_path.iterdir()] == ["world.geopage"]

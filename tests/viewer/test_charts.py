@@ -65,6 +65,23 @@ def test_the_chart_shows_every_threshold_and_the_machine(tmp_path: Path) -> None
         assert words in text
 
 
+def test_the_chart_shows_what_was_measured_beside_what_the_selection_knows(
+    tmp_path: Path,
+) -> None:
+    runs = [report(1, 30, 0.8), report(4, 12, 3.1)]
+    speed_against_accuracy(runs, tmp_path / "old.svg")
+    assert "measured" not in (tmp_path / "old.svg").read_text()
+    for run, error in zip(runs, (0.4, 0.0), strict=True):
+        run["geometric_error_px"] = {"p95": error}
+    speed_against_accuracy(runs, tmp_path / "new.svg")
+    text = (tmp_path / "new.svg").read_text()
+    assert "measured, p95" in text
+    assert "known to the selection" in text
+    speed_against_accuracy([*runs, report(8, 9, 6.0)], tmp_path / "mixed.svg")
+    mixed = (tmp_path / "mixed.svg").read_text()
+    assert mixed.count("known to the selection") == text.count("known to the selection")
+
+
 def test_the_same_runs_make_the_same_chart(tmp_path: Path) -> None:
     runs = [report(1, 30, 0.8), report(4, 12, 3.1)]
     for name in ("a.svg", "b.svg"):
@@ -86,6 +103,18 @@ def test_the_page_shows_figures_and_escapes_names(tmp_path: Path) -> None:
     assert "a &lt;b&gt;" in text
     assert "ratio 2.00" in text
     assert 'src="x.png"' in text
+
+
+def test_the_page_shows_what_was_measured_where_it_was(tmp_path: Path) -> None:
+    run = report(1, 30, 0.8)
+    write_page(tmp_path, Page("a", "b", run))
+    assert "geometric error" not in (tmp_path / "index.html").read_text()
+    error = {"p50": 0.123, "p95": 0.456, "share_within_threshold": 0.9875}
+    run["geometric_error_px"] = {**error, "frames": [{}] * 7}
+    write_page(tmp_path, Page("a", "b", run))
+    text = (tmp_path / "index.html").read_text()
+    for words in ("0.12 px", "0.46 px", "98.75 %", "at 7 frames"):
+        assert words in text
 
 
 def test_rays_that_meet_the_ellipsoid_are_those_of_the_disc() -> None:

@@ -20,6 +20,7 @@ from tiles.lanes import Lane
 from tiles.writer import Writer
 from viewer.camera_path import read_path
 from viewer.holes import ObjectHoles, hole_pixels
+from viewer.key_frames import FRAMES, spread
 from viewer.poses import Flight
 from viewer.run import Run, fly
 from viewer.session import Picture, Session
@@ -60,6 +61,8 @@ def test_the_report_has_the_agreed_fields(flown: tuple[dict[str, Any], Path]) ->
     assert names | {"waits", "holes", "with_stand_ins"} <= report["frames"].keys()
     assert {"frame_p50_ms", "frame_p99_ms", "bytes", "misses"} <= report["floor"].keys()
     assert {"p50", "p95", "share_frames_within_2px"} <= report["screen_error_px"].keys()
+    measured = {"p50", "p95", "p99", "max", "share_within_threshold", "frames"}
+    assert measured <= report["geometric_error_px"].keys()
     assert {"cpu", "cores", "gl_renderer", "python"} <= report["machine"].keys()
     assert report["io"]["tiles_loaded"] >= report["floor"]["misses"] > 0
 
@@ -111,6 +114,30 @@ def test_a_settled_flight_keeps_its_threshold(store: Path, tmp_path: Path) -> No
     assert report["frames"]["with_stand_ins"] == 0
     assert report["screen_error_px"]["share_pixels_within_threshold_or_leaf"] == 1.0
     assert "waits" not in report["frames"]
+
+
+def test_key_frames_of_a_settled_flight_keep_their_threshold(
+    store: Path, tmp_path: Path
+) -> None:
+    path = write_path(tmp_path / "down.json", 10.0, (1e7, 500.0))
+    run = Run(path, tmp_path / "out", paced=False, poses=5)
+    report = fly(store, PagerSettings(2.0), SIZE, run)
+    error = report["geometric_error_px"]
+    assert [frame["t_s"] for frame in error["frames"]] == [0.0, 2.5, 5.0, 7.5, 10.0]
+    # High above the disc is small; the last frame is all city, which is left out.
+    assert 2000 < error["pixels_judged"] <= 5 * 160 * 96
+    assert error["share_within_threshold"] == 1.0
+    assert 0 < error["p50"] <= error["p95"] <= error["max"]
+    assert "measured, p95" in (tmp_path / "out" / "flight.svg").read_text()
+
+
+def test_key_frames_are_spread_in_any_part() -> None:
+    assert sorted(spread(5)) == [0, 1, 2, 3, 4]
+    assert spread(1) == [0]
+    every = spread(1000)
+    assert len(every) == FRAMES
+    assert {0, 999} <= set(every)
+    assert max(np.diff(sorted(every[:6]))) < 500
 
 
 def test_a_smaller_threshold_draws_more_and_errs_less(store: Path, tmp_path: Path) -> None:

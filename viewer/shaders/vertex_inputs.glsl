@@ -6,17 +6,19 @@ layout(location = 3) in vec4 normal;
 layout(location = 4) in vec4 draw_origin;  // centre - eye, m; metres per step
 layout(location = 5) in vec4 draw_up;      // up; skirt depth, m
 layout(location = 6) in vec4 draw_place;   // grain or seed; layer
-layout(location = 7) in vec4 draw_entry;   // entry in the draw list; screen error, px
+layout(location = 7) in vec4 draw_entry;   // entry in the draw list; screen error, px; lean
 
 vec3 seen_from_eye() {
     return draw_origin.xyz + vec3(step_position) * draw_origin.w;
 }
 
 vec3 hem() {
-    // A skirt hangs down and leans outwards: along a parallel, edges with other vertices
-    // differ sideways too, and that gap is seen from straight above.
+    // A skirt hangs down and leans outwards, across its edge: along a parallel, edges with
+    // other vertices differ sideways too, and rounding moves all edges; those gaps are
+    // seen from straight above.
     float depth = draw_up.w * float(flags & 1);
-    vec3 away = vec3(step_position) * draw_origin.w;
-    away -= draw_up.xyz * dot(away, draw_up.xyz);
-    return depth * (0.5 * away / max(length(away), 1.0) - draw_up.xyz);
+    vec3 east = normalize(vec3(-draw_up.y, draw_up.x, 0.0));
+    vec2 side = vec2(equal(detail, uvec2(32768u))) - vec2(equal(detail, uvec2(0u)));
+    vec3 away = side.x * east + side.y * cross(draw_up.xyz, east);
+    return depth * (draw_entry.z * away - draw_up.xyz);
 }

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures laid over the texels of a cell: the finest first, the coarser where it is clear.
+
+Texels are placed by interpolating between nodes whose column and row are exact, as many
+as it takes: a map projection for each texel would take longer than all the rest.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.layer import Layer
+from tiles import cells, geodesy
+from tiles.frames import Floats
+from tiles.kernels import inlined, kernel
+from tiles.terrain import TEXTURE_SIDE
+
+COARSE_M, COARSE_SHARE = 1000.0, 0.75
+"""A picture of the whole earth is far coarser than the relief under it: a quarter of the
+height tint keeps valleys and summits apart. The same at every level, so no seam shows."""
+NODES = (16, 64, 256)
+"""Spans between nodes along an edge: the first that is good enough."""
+GOOD_PX = 0.4
+"""Largest error at every other node, when the nodes between are left out: a quarter of it
+is left between the nodes themselves."""
+
+
+SHARE, CLEAR = 3, 4
+ALL = np.float32(0.999)
+"""So opaque that nothing shows through: sums of weights are rounded."""
+
+
+def drape(cell: int, pictures: list[Layer]) -> NDArray[np.float32]:
+    """Lay pictures, coarsest first, over the texels of a cell.
+
+    Returns
+    -------
+    (256, 256, 5) float32, row 0 south: the pictures' sRGB colour 0..255 times its share,
+    its share, and how much a coarser picture would show through
+    """
+    out = np.zeros((TEXTURE_SIDE, TEXTURE_SIDE, 5), np.float32)
+    out[..., CLEAR] = 1.0
+    texel_m = float(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE
+    for layer in reversed(pictures):
+        for part in parts_under(cell, layer.bounds_deg):
+            _lay(out, cell, layer, part, texel_m)
+        if not out[..., CLEAR].any():
+            break
+    return out
+
+
+def parts_under(
+    cell: int, bounds_deg: tuple[float, float, float, float]
+) -> list[tuple[int, int, int, int]]:
+    """Return the rectangles of texels, (x0, x1, y0, y1), that meet a box."""
+    west, south, east, _ = cells.bounds_rad(cell)
+    texel = float(east - west) / TEXTURE_SIDE
+    box = np.radians(bounds_deg)
+    y0, y1 = _span((box[1] - south) / texel, (box[3] - south) / texel)
+    found = []
+    for turn in (-2 * np.pi, 0.0, 2 * np.pi):
+        x0, x1 = _span((box[0] + turn - west) / texel, (box[2] + turn - west) / texel)
+        if x0 < x1 and y0 < y1:
+            found.append((x0, x1, y0, y1))
+    return found
+
+
+def _span(low: float, high: float) -> tuple[int, int]:
+    """Return the texels, [first, last), that touch an interval."""
+    first, last = int(np.floor(low)), int(np.ceil(high))
+    return min(max(first, 0), TEXTURE_SIDE), min(max(last, 0), TEXTURE_SIDE)
+
+
+def _lay(
+    out: NDArray[np.float32],
+    cell: int,
+    layer: Layer,
+    part: tuple[int, int, int, int],
+    texel_m: float,
+) -> None:
+    """Lay one picture over a rectangle of texels, under what lies there already."""
+    nodes = _nodes(cell, layer, part, texel_m / layer.spacing_m)
+    found = layer.picture(texel_m, *nodes)
+    if found is not None:
+        window, *places, limits = found
+        weight = COARSE_SHARE if layer.spacing_m > COARSE_M else 1.0
+        _sample(window, np.stack(places), limits, np.array(part), np.float32(weight), out)
+
+
+def _nodes(
+    cell: int, layer: Layer, part: tuple[int, int, int, int], texel_px: float
+) -> Floats:
+    """Return columns and rows in a picture, (2, n + 1, n + 1), over a rectangle."""
+    west, south, east, north = cells.bounds_rad(cell)
+    x0, x1, y0, y1 = part
+    for count in NODES:
+        along = np.arange(count + 1) / (count * TEXTURE_SIDE)
+        u, v = x0 / TEXTURE_SIDE + along * (x1 - x0), y0 / TEXTURE_SIDE + along * (y1 - y0)
+        lon, lat = np.meshgrid(west + u * (east - west), south + v * (north - south))
+        places = np.stack(layer.pixels(lon.ravel(), lat.ravel())).reshape(2, *lon.shape)
+        if not layer.is_projected or _bend(places) < GOOD_PX * max(texel_px, 1.0):
+            break
+    return places
+
+
+def _bend(nodes: Floats) -> float:
+    """Return how far nodes, (2, n, n), are from the lines between their neighbours."""
+    across = nodes[:, 1:-1:2] - (nodes[:, :-2:2] + nodes[:, 2::2]) / 2
+    along = nodes[:, :, 1:-1:2] - (nodes[:, :, :-2:2] + nodes[:, :, 2::2]) / 2
+    with np.errstate(invalid="ignore"):
+        return float(np.abs(across).max() + np.abs(along).max())
+
+
+@kernel
+def _sample(
+    window: NDArray[np.uint8],
+    nodes: Floats,
+    limits: Floats,
+    part: NDArray[np.int64],
+    weight: np.float32,
+    out: NDArray[np.float32],
+) -> None:
+    """Interpolate a picture between those of its texels that are not transparent.
+
+    Parameters
+    ----------
+    window : (h, w, 3) uint8; 0, 0, 0 is transparent
+    nodes : (2, n + 1, n + 1) columns and rows in the window, over the rectangle
+    limits : (4,) least and largest x, least and largest y that the picture covers
+    part : (4,) x0, x1, y0, y1 of the rectangle
+    out : of `drape`
+    """
+    height, width = window.shape[0], window.shape[1]
+    spans = nodes.shape[1] - 1
+    one = np.float32(1.0)
+    du, dv = spans / (part[1] - part[0]), spans / (part[3] - part[2])
+    for j in range(part[2], part[3]):
+        v = (j + 0.5 - part[2]) * dv
+        r = min(int(v), spans - 1)
+        for i in range(part[0], part[1]):
+            clear = out[j, i, CLEAR]
+            u = (i + 0.5 - part[0]) * du
+            c = min(int(u), spans - 1)
+            x = _between(nodes[0], r, c, u - c, v - r)
+            y = _between(nodes[1], r, c, u - c, v - r)
+            inside = limits[0] < x < limits[1] and limits[2] < y < limits[3]
+            if clear <= 0.0 or not inside:
+                continue
+            x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
+            left, top = int(x), int(y)
+            right, low = min(left + 1, width - 1), min(top + 1, height - 1)
+            fx, fy = np.float32(x - left), np.float32(y - top)
+            w00 = _weight(window, top, left, (one - fx) * (one - fy))
+            w01 = _weight(window, top, right, fx * (one - fy))
+            w10 = _weight(window, low, left, (one - fx) * fy)
+            w11 = _weight(window, low, right, fx * fy)
+            for k in range(3):
+                north = w00 * window[top, left, k] + w01 * window[top, right, k]
+                south = w10 * window[low, left, k] + w11 * window[low, right, k]
+                out[j, i, k] += clear * weight * (north + south)
+            opaque = w00 + w01 + w10 + w11
+            out[j, i, SHARE] += clear * weight * opaque
+            out[j, i, CLEAR] *= one - opaque if opaque < ALL else np.float32(0.0)
+
+
+@inlined
+def _between(nodes: Floats, r: int, c: int, fu: float, fv: float) -> float:
+    """Interpolate between four nodes."""
+    south = nodes[r, c] + fu * (nodes[r, c + 1] - nodes[r, c])
+    north = nodes[r + 1, c] + fu * (nodes[r + 1, c + 1] - nodes[r + 1, c])
+    return float(south + fv * (north - south))
+
+
+@inlined
+def _weight(
+    window: NDArray[np.uint8], row: int, col: int, weight: np.float32
+) -> np.float32:
+    """Return a texel's weight, 0 where it is transparent."""
+    return weight if window[row, col, 0] else np.float32(0.0)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of rasters before anything is written: kind, place, datum, unit."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rasterio import DatasetReader
+
+from ingest.datum import datum_of, unit_m
+from ingest.dem import describe, open_raster
+from ingest.geoid import ZeroSurface
+from ingest.journal import stamp
+from tiles.errors import InputError
+
+RGB = 3
+Source = dict[str, Any]
+"""A source as the store lists it: name, kind, details."""
+
+
+@dataclass(frozen=True, slots=True)
+class RasterOptions:
+    """What the user states about a raster."""
+
+    kind: str = "terrain"
+    name: str | None = None
+    crs: str | None = None
+    datum: str | None = None
+
+
+def plan_all(files: Sequence[tuple[Path, RasterOptions]]) -> list[Source]:
+    """Check all files before anything is written.
+
+    Raises
+    ------
+    InputError
+    """
+    planned = [plan(path, options) for path, options in files]
+    names = [source["name"] for source in planned]
+    for k, (path, _) in enumerate(files):
+        if names[k] in names[:k]:
+            reason = f"another file is called {names[k]!r} too"
+            raise InputError(path, reason, "ingest them one by one, each with --name")
+    return planned
+
+
+def check_kinds(named: dict[str, Source], planned: Iterable[Source]) -> None:
+    """Refuse a source that would replace one of another kind."""
+    for source in planned:
+        kind = named.get(source["name"], source)["kind"]
+        if kind != source["kind"]:
+            reason = f"a {kind} source called {source['name']!r} is in the store"
+            raise InputError(source["path"], reason, "choose another with --name")
+
+
+def plan(path: Path, options: RasterOptions) -> Source:
+    """Check one file before anything is written."""
+    with open_raster(path) as dataset:
+        picture = is_picture(path, dataset)
+        if picture != (options.kind == "imagery"):
+            reason = "is a picture" if picture else "is not an RGB picture"
+            other = "imagery" if picture else "terrain"
+            raise InputError(path, reason, f"use `geopage ingest {other}`")
+        source: Source = asdict(describe(path, dataset, options.crs))
+        if not picture:
+            source |= meaning(path, dataset, options)
+        source["stamp"] = stamp([str(path), *dataset.files])
+    name = options.name or path.name.split(".")[0] or path.name
+    return {**source, "name": name, "kind": options.kind}
+
+
+def meaning(path: Path, dataset: DatasetReader, options: RasterOptions) -> Source:
+    """Say what a file's numbers are: datum, unit_m, vertical_step_m."""
+    wkt = options.crs or (dataset.crs.to_wkt() if dataset.crs else None)
+    datum = datum_of(path, options.datum, wkt)
+    metres = unit_m(path, options.datum, wkt, dataset.units[0])
+    whole = np.issubdtype(np.dtype(dataset.dtypes[0]), np.integer)
+    return {
+        "datum": datum,
+        "datum_from": "stated" if options.datum else "file",
+        "unit_m": metres,
+        "vertical_step_m": abs(dataset.scales[0]) * metres if whole else 0.0,
+    }
+
+
+def is_picture(path: Path, dataset: DatasetReader) -> bool:
+    """Say whether a raster holds colours, not elevations."""
+    colour = dataset.colorinterp[0].name
+    if colour == "palette":
+        advice = "convert it with gdal_translate -expand rgb"
+        raise InputError(path, "holds palette indices", advice)
+    if colour == "red" and dataset.dtypes[0] != "uint8":
+        advice = "convert it with gdal_translate -ot Byte -scale"
+        raise InputError(path, f"holds {dataset.dtypes[0]} colours", advice)
+    return bool(dataset.dtypes[0] == "uint8" and dataset.count >= RGB)
+
+
+def said_of(source: Source) -> Source:
+    """Report on a source: name, and for elevations the datum and what it amounts to."""
+    about = {"name": source["name"], "datum": source.get("datum")}
+    if source["kind"] != "terrain":
+        return about
+    datum = source["datum"]
+    other = "egm96" if datum == "ellipsoid" else datum
+    low_m, high_m = (round(edge, 1) for edge in ZeroSurface(source).extent_m(other))
+    about |= {"datum_from": source["datum_from"], "unit_m": source["unit_m"]}
+    if datum == "ellipsoid":
+        text = f"ellipsoid: with {other} heights would be {low_m} to {high_m} m larger"
+    else:
+        text = f"{datum}: heights are {low_m} to {high_m} m above what the ellipsoid gives"
+    return {**about, "geoid_m": [low_m, high_m], "datum_here": text}

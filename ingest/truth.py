@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a leaf's mesh is measured against: posts joined by triangles, placed in the cell.
+
+A leaf that shows one source's posts takes those posts themselves; where the source has
+none, the coarser sources fill in, post by post. A leaf much finer than its source (a
+neighbour of a finer inset, or a cell at a pole) takes a lattice of its own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.boxes import grown, overlap
+from ingest.layer import Layer
+from ingest.mosaic import Mosaic
+from ingest.terrain_mesh import CORNERS, Places, snapped
+from tiles import cells, geodesy
+from tiles.frames import Ecef, Floats
+from tiles.kernels import inlined, kernel
+from tiles.mesh import UV_ONE
+
+FIT_SIDE = 5
+OWN_LATTICE = 128
+"""Squares along an edge of a cell that takes a lattice of its own"""
+WORST_FIT_POSTS = 0.02
+MOST_POSTS = 400_000
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Posts over one cell and the triangles between them."""
+
+    cell: int
+    centre: Ecef
+    points: NDArray[np.float32]
+    """(h, w, 3) m around `centre`, ECEF axes"""
+    uv: Floats
+    """(h, w, 2) fractions of the cell, east and north; some lie outside"""
+    grid: Floats
+    """(2, 6) column and row as polynomials 1, u, v, uu, uv, vv"""
+    slack_m: float
+    """How far the surface that the posts stand for may be from their triangles"""
+    low_m: float
+    high_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Columns and rows of a source's posts around a cell."""
+
+    layer: Layer
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+def truth_of(mosaic: Mosaic, cell: int, side: int) -> Truth:
+    """Find what a leaf stands for.
+
+    Parameters
+    ----------
+    side : posts that a leaf holds along an edge, about
+    """
+    window = _window(mosaic, cell, side)
+    if window is None:
+        return _own_lattice(mosaic, cell)
+    cols = np.arange(window.left, window.right, dtype=float)
+    rows = np.arange(window.top, window.bottom, dtype=float)
+    col, row = np.meshgrid(cols, rows)
+    lon, lat = window.layer.places(col.ravel(), row.ravel())
+    heights = window.layer.posts(window.left, window.top, window.right, window.bottom)
+    void = np.flatnonzero(np.isnan(heights.ravel()))
+    if len(void):
+        heights.ravel()[void] = mosaic.heights(lon[void], lat[void], 0.0)
+    spacing_m = window.layer.spacing_m
+    slack_m = bulge_m(spacing_m) + _misfit_posts(window, cell) * spacing_m
+    lon, lat = lon.reshape(col.shape), lat.reshape(col.shape)
+    ecef = geodesy.to_ecef(lon, lat, heights)
+    if _close_over_poles(mosaic, lat, ecef):
+        slack_m *= 2
+    return _placed(cell, (lon, lat, heights), ecef, _fit(window, cell), slack_m)
+
+
+def bulge_m(spacing_m: float) -> float:
+    """Return how far the ellipsoid is from the triangles between posts on it."""
+    return spacing_m**2 * 2.24 / (8 * 6.33e6)
+
+
+def post_count(layer: Layer, cell: int) -> float:
+    """Return about how many columns times rows of a source's posts a cell spans."""
+    lon, lat = _grid_places(cell, 8)
+    col, row = layer.pixels(lon.ravel(), lat.ravel())
+    return float(np.ptp(col) * np.ptp(row))
+
+
+def _close_over_poles(mosaic: Mosaic, lat: Floats, ecef: Ecef) -> bool:
+    """Put a row of posts beyond a pole where the surface goes through the pole itself.
+
+    The pole lies half a post beyond the last row, so such a post is the last row's,
+    mirrored at the pole. Says whether there is such a row.
+    """
+    closed = False
+    for row, beside in ((0, 1), (-1, -2)):
+        if abs(lat[row, 0]) > np.pi / 2:
+            pole = np.array([np.copysign(np.pi / 2, lat[row, 0])])
+            height_m = mosaic.heights(np.zeros(1), pole, 0.0)
+            ecef[row] = 2 * geodesy.to_ecef(np.zeros(1), pole, height_m) - ecef[beside]
+            closed = True
+    return closed
+
+
+def _window(mosaic: Mosaic, cell: int, side: int) -> Window | None:
+    """Choose the finest source with posts in a cell, if the cell is made of its posts."""
+    step_m = float(geodesy.cell_edge_m(cell)) / side
+    for layer in reversed(mosaic.layers):
+        if layer.holds([float(edge) for edge in cells.bounds_rad(cell)]):
+            return _posts_around(layer, cell) if layer.spacing_m < 3 * step_m else None
+        if overlap(cell, grown(layer.bounds_deg, mosaic.reach_m(layer))):
+            # Here a finer source bends the coarser ones between their posts.
+            return None
+    return None
+
+
+def _posts_around(layer: Layer, cell: int) -> Window | None:
+    lon, lat = _grid_places(cell, 8)
+    col, row = layer.pixels(lon.ravel(), lat.ravel())
+    if not (np.isfinite(col).all() and np.isfinite(row).all()):
+        return None
+    left, top = int(np.floor(col.min())), int(np.floor(row.min()))
+    right, bottom = int(np.floor(col.max())) + 2, int(np.floor(row.max())) + 2
+    window = Window(layer, left, top, right, bottom)
+    if (right - left) * (bottom - top) > MOST_POSTS:
+        return None
+    return window if _misfit_posts(window, cell) < WORST_FIT_POSTS else None
+
+
+def _grid_places(cell: int, side: int) -> tuple[Floats, Floats]:
+    west, south, east, north = cells.bounds_rad(cell)
+    steps = np.arange(side + 1) / side
+    lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
+    return lon, lat
+
+
+def terms(u: Floats, v: Floats) -> Floats:
+    """Return 1, u, v, uu, uv, vv: (6, n)."""
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+
+
+def _fit(window: Window, cell: int) -> Floats:
+    """Fit columns and rows of the window to fractions of the cell, (2, 6)."""
+    lon, lat = _grid_places(cell, FIT_SIDE - 1)
+    col, row = window.layer.pixels(lon.ravel(), lat.ravel())
+    known = np.stack([col - window.left, row - window.top])
+    u, v = np.meshgrid(*[np.linspace(0, 1, FIT_SIDE)] * 2)
+    found = np.linalg.lstsq(terms(u.ravel(), v.ravel()).T, known.T, rcond=None)[0].T
+    # A source in longitude and latitude is linear; rounding must not bend it.
+    found[np.abs(found) < 1e-9] = 0.0
+    return np.ascontiguousarray(found)
+
+
+def _misfit_posts(window: Window, cell: int) -> float:
+    """Largest error of the fit, in posts."""
+    side = 2 * FIT_SIDE
+    lon, lat = _grid_places(cell, side)
+    col, row = window.layer.pixels(lon.ravel(), lat.ravel())
+    u, v = np.meshgrid(*[np.linspace(0, 1, side + 1)] * 2)
+    found = _fit(window, cell) @ terms(u.ravel(), v.ravel())
+    off = found - np.stack([col - window.left, row - window.top])
+    return float(np.abs(off).max())
+
+
+def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
+    """Sample a cell on a lattice, and between its posts to know what that misses."""
+    lon, lat = _grid_places(cell, OWN_LATTICE)
+    heights = mosaic.heights(lon.ravel(), lat.ravel(), 0.0).reshape(lon.shape)
+    middle = tuple((a[:-1, :-1] + a[1:, 1:]) / 2 for a in (lon, lat))
+    between = mosaic.heights(middle[0].ravel(), middle[1].ravel(), 0.0)
+    missed = between.reshape(middle[0].shape) - (heights[:-1, :-1] + heights[1:, 1:]) / 2
+    edge_m = float(geodesy.cell_edge_m(cell)) / OWN_LATTICE
+    slack_m = float(np.abs(missed).max()) + bulge_m(edge_m)
+    grid = np.zeros((2, 6))
+    grid[0, 1] = grid[1, 2] = OWN_LATTICE
+    ecef = geodesy.to_ecef(lon, lat, heights)
+    return _placed(cell, (lon, lat, heights), ecef, grid, slack_m)
+
+
+def _placed(
+    cell: int,
+    places: tuple[Floats, Floats, Floats],
+    ecef: Ecef,
+    grid: Floats,
+    slack_m: float,
+) -> Truth:
+    lon, lat, height_m = places
+    west, south, east, north = cells.bounds_rad(cell)
+    middle = (west + east) / 2
+    turned = middle + (lon - middle + np.pi) % (2 * np.pi) - np.pi
+    uv = np.stack([(turned - west) / (east - west), (lat - south) / (north - south)], -1)
+    centre = ecef[ecef.shape[0] // 2, ecef.shape[1] // 2].copy()
+    inside = height_m[((uv >= -1e-9) & (uv <= 1 + 1e-9)).all(axis=-1)]
+    low_m, high_m = (inside.min(), inside.max()) if inside.size else (np.inf, -np.inf)
+    points = np.ascontiguousarray(ecef - centre, np.float32)
+    return Truth(cell, Ecef(centre), points, uv, grid, slack_m, float(low_m), float(high_m))
+
+
+@inlined
+def column_row(grid: Floats, u: float, v: float) -> tuple[float, float]:
+    """Return column and row of a place of the cell."""
+    x = grid[0, 0] + grid[0, 1] * u + grid[0, 2] * v
+    y = grid[1, 0] + grid[1, 1] * u + grid[1, 2] * v
+    x += grid[0, 3] * u * u + grid[0, 4] * u * v + grid[0, 5] * v * v
+    y += grid[1, 3] * u * u + grid[1, 4] * u * v + grid[1, 5] * v * v
+    return x, y
+
+
+@inlined
+def point_at(points: NDArray[np.float32], x: float, y: float) -> tuple[float, float, float]:
+    """Return the point of the triangles at a column and row; outside, of the nearest."""
+    c = min(max(int(np.floor(x)), 0), points.shape[1] - 2)
+    r = min(max(int(np.floor(y)), 0), points.shape[0] - 2)
+    fx, fy = x - c, y - r
+    w00, w11 = 1.0 - max(fx, fy), min(fx, fy)
+    w01, w10 = max(fx - fy, 0.0), max(fy - fx, 0.0)
+    return (
+        w00 * points[r, c, 0]
+        + w01 * points[r, c + 1, 0]
+        + w10 * points[r + 1, c, 0]
+        + w11 * points[r + 1, c + 1, 0],
+        w00 * points[r, c, 1]
+        + w01 * points[r, c + 1, 1]
+        + w10 * points[r + 1, c, 1]
+        + w11 * points[r + 1, c + 1, 1],
+        w00 * points[r, c, 2]
+        + w01 * points[r, c + 1, 2]
+        + w10 * points[r + 1, c, 2]
+        + w11 * points[r + 1, c + 1, 2],
+    )
+
+
+@kernel
+def _points_at(points: NDArray[np.float32], grid: Floats, uv: Floats) -> Floats:
+    out = np.empty((len(uv), 3))
+    for i in range(len(uv)):
+        x, y = column_row(grid, uv[i, 0], uv[i, 1])
+        out[i] = point_at(points, x, y)
+    return out
+
+
+def points_at(truth: Truth, uv: Floats) -> Floats:
+    """Return the surface at fractions (n, 2) of the cell, (n, 3) m around its centre."""
+    return _points_at(truth.points, truth.grid, np.ascontiguousarray(uv))
+
+
+def places_of(truth: Truth) -> Places:
+    """Return what a mesh of the cell may use as vertices.
+
+    These are the cell's corners, the places where its edges cross lines between posts, and
+    the posts inside.
+    """
+    rim = np.concatenate([CORNERS, _rim(truth.grid)])
+    flat = truth.uv.reshape(-1, 2)
+    inside = np.flatnonzero(((flat > 1e-9) & (flat < 1 - 1e-9)).all(axis=1))
+    at = snapped(np.concatenate([rim, flat[inside]]))
+    points = points_at(truth, at / UV_ONE) + truth.centre
+    (x_u, x_v), (y_u, y_v) = truth.grid[:, 1:3]
+    along = np.linalg.solve(np.array([[x_u, x_v], [y_u, y_v]]), np.ones(2))
+    lean = 1 if along[0] * along[1] < 0 else -1
+    return Places.of(at, points, lean)
+
+
+def _rim(grid: Floats) -> Floats:
+    """Places on the cell's edges that cross columns, rows or diagonals, (n, 2)."""
+    steps = np.linspace(0.0, 1.0, 65)
+    zero, one = np.zeros_like(steps), np.ones_like(steps)
+    found = []
+    for u, v in ((steps, zero), (steps, one), (zero, steps), (one, steps)):
+        col, row = grid @ terms(u, v)
+        for line in (col, row, col - row):
+            up = line if line[-1] > line[0] else line[::-1]
+            s = steps if line[-1] > line[0] else steps[::-1]
+            if up[-1] - up[0] < 1e-6 or (np.diff(up) <= 0).any():
+                continue
+            crossed = np.arange(np.ceil(up[0]), np.floor(up[-1]) + 1)
+            t = np.interp(crossed, up, s)
+            found.append(np.stack([np.interp(t, steps, u), np.interp(t, steps, v)], axis=1))
+    return np.concatenate(found) if found else np.zeros((0, 2))

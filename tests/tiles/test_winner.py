@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The source of a place is decided by posts, not by boxes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from ingest.terrain import RasterOptions, ingest_rasters
+from tests.ingest.rasters import (
+    SIDE,
+    STEP,
+    WEST,
+    Floats,
+    north_up,
+    pixels,
+    source_height_m,
+    write,
+)
+from tiles.geodesy import to_ecef
+from tiles.placement import Placement
+from tiles.places import Places
+from tiles.store import Store
+from tiles.winner import Winners
+
+
+@pytest.fixture(scope="module")
+def everywhere() -> tuple[Floats, Floats]:
+    """Places in and around both rasters."""
+    rng = np.random.default_rng(5)
+    return rng.uniform(11.05, 11.3, 1500), rng.uniform(46.0, 46.2, 1500)
+
+
+def test_the_finest_source_with_data_wins(
+    nested_folder: Path, everywhere: tuple[Floats, Floats]
+) -> None:
+    fine = np.isfinite(source_height_m(nested_folder / "inset.tif", *everywhere))
+    col, row = pixels(nested_folder / "inset.tif", *everywhere)
+    without_data = (col > 0) & (col < 49) & (row > 0) & (row < 39) & ~fine
+    assert without_data.sum() > 5
+    with Store(nested_folder / "world.geopage") as store:
+        winners = Winners(store)
+        found = [
+            winners.at(*np.radians(one)).source for one in zip(*everywhere, strict=True)
+        ]
+        assert winners.at(0.0, 0.0) == (None, False)
+    assert found == np.where(fine, "inset", "coarse").tolist()
+
+
+def test_feathered_is_what_lies_within_reach_of_finer_posts(
+    nested_folder: Path, everywhere: tuple[Floats, Floats]
+) -> None:
+    with rasterio.open(nested_folder / "inset.tif") as dataset:
+        row, col = np.nonzero(dataset.read_masks(1))
+    with Store(nested_folder / "world.geopage") as store:
+        inset = next(s for s in store.sources() if s["name"] == "inset")
+        winners = Winners(store)
+        found = [
+            winners.at(*np.radians(one)).feathered for one in zip(*everywhere, strict=True)
+        ]
+    posts = to_ecef(*Placement(inset).places(col.astype(float), row.astype(float)), 0.0)
+    places = to_ecef(*np.radians(everywhere), 0.0)
+    away = np.array([np.linalg.norm(posts - one, axis=1).min() for one in places])
+    outside = np.isnan(source_height_m(nested_folder / "inset.tif", *everywhere))
+    reach_m = inset["reach_m"]
+    assert reach_m > 1000
+    wanted = outside & (away <= reach_m)
+    assert wanted.sum() > 200
+    # The search is in halved posts, 200 m here at the finest.
+    sure = np.abs(away - reach_m) > 400
+    assert (np.array(found) == wanted)[sure].all()
+    assert not np.array(found)[~outside].any()
+
+
+def test_of_two_alike_the_later_one_wins(tmp_path: Path) -> None:
+    where = north_up(11, 46, 0.01)
+    files = [
+        write(tmp_path / f"{name}.tif", np.full((9, 9), 5, np.float32), where, "EPSG:4326")
+        for name in ("one", "other")
+    ]
+    ellipsoid = RasterOptions(datum="ellipsoid")
+    ingest_rasters(tmp_path / "w.geopage", [(f, ellipsoid) for f in files], workers=1)
+    with Store(tmp_path / "w.geopage") as store:
+        assert Winners(store).at(*np.radians((11.045, 45.955))).source == "other"
+
+
+def test_a_sample_names_the_winner(nested_folder: Path) -> None:
+    with Store(nested_folder / "world.geopage") as store:
+        lon, lat = np.array([11.17, WEST + SIDE * STEP / 2]), np.array([46.11, 46.4])
+        inside, outside = Places(store).at(lon, lat)
+    assert (inside["source"], inside["feathered"]) == ("inset", False)
+    assert (outside["source"], outside["feathered"]) == ("coarse", False)
