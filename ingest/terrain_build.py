@@ -26,6 +26,7 @@ from ingest.layer import Layer
 from ingest.mosaic import Mosaic, Rim
 from ingest.raster_copy import Progress
 from ingest.raster_plan import Source
+from ingest.terrain_plan import Plan
 from ingest.terrain_pyramid import Made, Part, ZoneBuilder
 from tiles import cells, zones
 from tiles.errors import InputError
@@ -117,8 +118,8 @@ def rebuild(
     zone_of = cells.ancestor(old["cell"], np.zeros(len(old), np.int64))
     roots = [int(cells.make(zone, 0, 0, 0)) for zone in range(zones.COUNT)]
     todo = [r for r in roots if r not in zone_of or touches(r, recipe.changed)]
-    builder = builder_of(writer, recipe, {})
-    parts = {root: builder.cut(root, PART_LEAVES) for root in todo}
+    plan = Plan(*layers_of(writer, recipe))
+    parts = {root: plan.cut(root, PART_LEAVES) for root in todo}
     made = make_parts(journal, recipe, parts, old, workers, progress)
     clock.lap("mesh")
     above = [

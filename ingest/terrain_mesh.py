@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.greedy import Triangulation
+from ingest.triangulation import Triangulation
 from tiles import cells, geodesy
 from tiles.frames import Ecef, Floats, Local
 from tiles.mesh import SKIRT, STEPS, UV_ONE, VERTEX, Mesh, quantise

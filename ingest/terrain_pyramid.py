@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import Box, overlap, touches
+from ingest.boxes import Box, touches
 from ingest.deviation import deviation_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_mesh import Places, Surface, build_surface
+from ingest.terrain_plan import Plan
 from ingest.terrain_tile import (
     LEAF_SIDE,
     fitted,
@@ -29,8 +30,8 @@ from ingest.terrain_tile import (
     step_m,
     window_in,
 )
-from ingest.truth import Truth, places_of, post_count, truth_of
-from tiles import bounds, cells, geodesy, terrain
+from ingest.truth import Truth, places_of, truth_of
+from tiles import bounds, cells, terrain
 from tiles.codec import checksum
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
@@ -38,8 +39,6 @@ from tiles.mesh import UV_ONE
 from tiles.terrain import TEXTURE_SIDE, TerrainTile, encode
 
 HEIGHTS = "min_height_m", "max_height_m"
-MAX_LEVEL = 20
-MOST_POSTS = 40_000
 FLAT_TRIANGLES = 200
 """Four leaves that need no more than this together become one."""
 FLAT_TEXELS = 2.0
@@ -93,6 +92,7 @@ class ZoneBuilder:
         old: Mapping[int, NDArray[np.void]],
     ) -> None:
         self._mosaic, self._pictures = mosaic, pictures
+        self._plan = Plan(mosaic, pictures)
         self._changed, self._old = changed, old
         self._above: list[Node] = []
         self._made: list[Made] = []
@@ -112,31 +112,6 @@ class ZoneBuilder:
         self._finish(top)
         errors = {node.cell: node.error_m for node in self._above}
         return self._made, Part(cell, top.error_m, top.low_m, top.high_m, errors)
-
-    def cut(self, root: int, most: int) -> list[int]:
-        """Return subtrees of about `most` leaves, by area, that cover a zone."""
-        found, open_ = [], [root]
-        while open_:
-            cell = open_.pop()
-            if self._leaves(cell) > most and self._splits(cell):
-                open_ += [int(child) for child in cells.children(cell)]
-            else:
-                found.append(cell)
-        return found
-
-    def _leaves(self, cell: int) -> float:
-        """Estimate the leaves under a cell from the areas and spacings of the sources."""
-        edge_m = float(geodesy.cell_edge_m(cell))
-        west, south, east, north = cells.bounds_rad(cell)
-        count = 0.0
-        for layer in [*self._mosaic.layers, *self._pictures]:
-            common = overlap(cell, layer.bounds_deg)
-            if common is not None:
-                area = (common[2] - common[0]) * (common[3] - common[1])
-                share = area / float((east - west) * (north - south))
-                side = TEXTURE_SIDE if layer.is_picture else LEAF_SIDE
-                count += share * (edge_m / (side * layer.spacing_m)) ** 2
-        return count
 
     def _stays(self, cell: int) -> bool:
         return cell in self._old and not touches(cell, self._changed)
@@ -172,7 +147,7 @@ class ZoneBuilder:
         if self._stays(cell):
             return self._kept(cell, posts=posts)
         node = Node(cell)
-        if not self._splits(cell):
+        if not self._plan.splits(cell):
             node.truths = [self._measured(cell)]
             return self._leaf(node, places_of(node.truths[0]))
         for child in cells.children(cell):
@@ -203,16 +178,9 @@ class ZoneBuilder:
                     self._made.append(Made(record.reshape(1).copy(), None))
                 if posts and not record["children"]:
                     node.truths += [
-                        self._measured(leaf) for leaf in self._first_leaves(one)
+                        self._measured(leaf) for leaf in self._plan.first_leaves(one)
                     ]
         return node
-
-    def _first_leaves(self, cell: int) -> list[int]:
-        """Return the leaves that a leaf was made of: flat ones were joined."""
-        if not self._splits(cell):
-            return [cell]
-        children = (int(child) for child in cells.children(cell))
-        return [leaf for child in children for leaf in self._first_leaves(child)]
 
     def _measured(self, leaf: int) -> Truth:
         """Find what a leaf stands for, and measure the surfaces above the part with it."""
@@ -226,7 +194,7 @@ class ZoneBuilder:
 
     def _leaf(self, node: Node, places: Places) -> Node:
         """Mesh a leaf."""
-        bound_m = self._leaf_bound_m(node.cell)
+        bound_m = self._plan.leaf_bound_m(node.cell)
         node.surface, node.error_m = fitted(
             node.cell, places, bound_m, node.truths, leaf=True
         )
@@ -237,11 +205,13 @@ class ZoneBuilder:
     def _is_flat(self, node: Node) -> bool:
         """Say whether four leaves are better drawn as one."""
         fresh = [one.surface for one in node.children if one.surface and not one.children]
-        if len(fresh) < 4 or self._shown_finer(node.cell):
+        if len(fresh) < 4 or self._plan.shown_finer(node.cell):
             return False
         if sum(len(one.triangles) for one in fresh) > FLAT_TRIANGLES:
             return False
-        finest_m = min((layer.spacing_m for layer in self._held(node.cell)), default=0.0)
+        finest_m = min(
+            (layer.spacing_m for layer in self._plan.held(node.cell)), default=0.0
+        )
         return step_m(node.cell, TEXTURE_SIDE) <= FLAT_TEXELS * finest_m
 
     def _stored(self, cell: int) -> Surface:
@@ -273,7 +243,7 @@ class ZoneBuilder:
         self._made.append(self._encoded(node, node.surface))
 
     def _encoded(self, node: Node, surface: Surface) -> Made:
-        held = self._held(node.cell)
+        held = self._plan.held(node.cell)
         texture, finer_m = painted(self._mosaic, held, self._pictures, node.cell)
         texel_m = finer_m if node.children else 0.0
         count = 3 * len(surface.triangles)
@@ -291,42 +261,6 @@ class ZoneBuilder:
         record["check"] = checksum(Lane.TERRAIN, node.cell, body)
         record["memory_bytes"] = tile.mesh.gpu_bytes + tile.texture.nbytes
         return Made(record, body)
-
-    def _splits(self, cell: int) -> bool:
-        """Say whether a source shows more than a leaf of this size would hold."""
-        if cells.level(cell) >= MAX_LEVEL:
-            return False
-        post_m = step_m(cell, LEAF_SIDE)
-        held = self._held(cell)
-        if any(layer.spacing_m < 0.999 * post_m for layer in held):
-            return True
-        # Near a pole, posts are much denser along parallels.
-        if any(post_count(layer, cell) > MOST_POSTS for layer in held):
-            return True
-        return self._shown_finer(cell)
-
-    def _shown_finer(self, cell: int) -> bool:
-        """Say whether a picture shows more than the texels of a cell."""
-        texel_m = step_m(cell, TEXTURE_SIDE)
-        finer = [layer for layer in self._pictures if layer.spacing_m < 0.7 * texel_m]
-        return any(overlap(cell, layer.bounds_deg) for layer in finer)
-
-    def _held(self, cell: int) -> list[Layer]:
-        """Return the elevation models with posts in a cell, coarsest first."""
-        box = [float(edge) for edge in cells.bounds_rad(cell)]
-        return [layer for layer in self._mosaic.layers if layer.holds(box)]
-
-    def _leaf_bound_m(self, cell: int) -> float:
-        """Return a hundredth of the source's post spacing, or half its own step.
-
-        A small leaf beside a finer source follows the bend of the surface as closely
-        as an inner cell of its size would.
-        """
-        held = self._held(cell)
-        if not held:
-            return inner_bound_m(cell)
-        source_m = max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2)
-        return min(inner_bound_m(cell), source_m)
 
 
 def rounded_up(error_m: float) -> float:

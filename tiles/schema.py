@@ -2,7 +2,7 @@
 """The tables of a store, and what its file must say about itself."""
 
 APPLICATION_ID = 0x67656F70  # "geop"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 TABLES = """
 CREATE TABLE tile(
@@ -42,19 +42,15 @@ CREATE TABLE object(
 CREATE INDEX object_by_source ON object(source);
 CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 INSERT INTO meta VALUES('generation', '0');
-"""
-
-ADDED = """
-CREATE INDEX IF NOT EXISTS tile_by_lane ON tile(lane);
-CREATE TABLE IF NOT EXISTS retired(         -- tiles that no index names any more
+CREATE INDEX tile_by_lane ON tile(lane);
+CREATE TABLE retired(                       -- tiles that no index names any more
     row INTEGER PRIMARY KEY,
     lane INTEGER NOT NULL,
     generation INTEGER NOT NULL);           -- that stopped naming it
-CREATE TABLE IF NOT EXISTS unfinished(      -- what an ingest has done so far
+CREATE TABLE unfinished(                    -- what an ingest has done so far
     key TEXT PRIMARY KEY,
     body BLOB NOT NULL,
     blocks TEXT,                            -- raster blocks that no source names yet
     first_row INTEGER,                      -- tiles that no index names yet
     last_row INTEGER);
 """
-"""Tables that a writer adds to a store that was made without them."""

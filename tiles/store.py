@@ -180,6 +180,9 @@ def require_store(path: Path, connection: sqlite3.Connection) -> None:
         raise InputError(path, "not a geopage store", "name a .geopage file")
     if version > FORMAT_VERSION:
         raise InputError(path, f"store version {version} is newer", "update geopage")
+    if version < FORMAT_VERSION:
+        reason = f"store version {version} is older than {FORMAT_VERSION}"
+        raise InputError(path, reason, "ingest its sources into a new store")
     # After a crash the missing pages may still be in the write-ahead log.
     if path.stat().st_size < pages * page and not wal_bytes(path):
         raise InputError(path, "truncated store", "copy it again or ingest again")

@@ -23,7 +23,7 @@ from tiles import cells
 from tiles.codec import checksum
 from tiles.index_tree import BLOCK_LEVELS
 from tiles.lanes import Lane
-from tiles.schema import ADDED, APPLICATION_ID, FORMAT_VERSION, TABLES
+from tiles.schema import APPLICATION_ID, FORMAT_VERSION, TABLES
 from tiles.store import Store, require_file, wal_bytes
 
 BUSY_S, TRIM_MS = 10, 500
@@ -42,7 +42,6 @@ class Writer(Store):
         require_file(self.path)
         self._connect(str(self.path), timeout=BUSY_S)
         self._longest_log_bytes = LOG_BYTES
-        self.connection.executescript(ADDED)
         self.connection.execute("PRAGMA synchronous=NORMAL")
         # Where SQLite is built to, it would overwrite all that is deleted with zeros.
         self.connection.execute("PRAGMA secure_delete=OFF")
@@ -193,7 +192,7 @@ def make_store(path: Path) -> None:
             connection.executescript(
                 f"PRAGMA page_size=8192; PRAGMA application_id={APPLICATION_ID};"
                 f"PRAGMA user_version={FORMAT_VERSION}; PRAGMA journal_mode=WAL;"
-                f"BEGIN; {TABLES} {ADDED} COMMIT;"
+                f"BEGIN; {TABLES} COMMIT;"
             )
         new.rename(path)
     finally:

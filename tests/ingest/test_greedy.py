@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ingest.greedy import Triangles, Triangulation
+from ingest.triangulation import Triangles, Triangulation
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ingest.greedy import Triangulation
 from ingest.mosaic import Mosaic
 from ingest.terrain_mesh import Surface
 from ingest.terrain_tile import (
@@ -20,6 +19,7 @@ from ingest.terrain_tile import (
     on_rim,
     window_in,
 )
+from ingest.triangulation import Triangulation
 from ingest.truth import Truth, places_of, truth_of
 from tests.ingest.rasters import (
     ELLIPSOID,

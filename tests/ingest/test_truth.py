@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pyproj
@@ -82,17 +82,6 @@ def opened(tmp_path: Path) -> Iterator[Opener]:
         connection.close()
 
 
-SKEWED = pytest.mark.xfail(
-    strict=True, reason="columns and rows of a polar projection are fitted too coarsely"
-)
-SAG = pytest.mark.xfail(strict=True, reason="a triangle sags by 1.12 times the slack")
-
-
-def cases(**marks: pytest.MarkDecorator) -> list[Any]:
-    """Return all cases, some of them marked."""
-    return [pytest.param(one, marks=marks.get(one, ())) for one in CASES]
-
-
 @pytest.fixture(params=CASES)
 def case(request: pytest.FixtureRequest) -> str:
     return str(request.param)
@@ -150,9 +139,6 @@ def test_a_leaf_takes_the_posts_of_its_source(
     assert 30 < np.sqrt(len(lon)) < 200
 
 
-@pytest.mark.parametrize(
-    "case", cases(near_pole=SKEWED, globe=SAG, globe_from_0=SAG), indirect=True
-)
 def test_between_posts_the_surface_is_that_of_the_sources_triangles(
     case: str, opened: Opener, tmp_path: Path, rng: np.random.Generator
 ) -> None:

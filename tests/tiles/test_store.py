@@ -55,11 +55,14 @@ def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
         assert "not a geopage store" in refusal(file)
 
 
-def test_a_newer_version_is_refused(path: Path) -> None:
+@pytest.mark.parametrize(
+    ("version", "said"), [(1, "version 1 is older"), (3, "version 3 is newer")]
+)
+def test_another_version_is_refused(path: Path, version: int, said: str) -> None:
     raw = bytearray(path.read_bytes())
-    raw[60:64] = struct.pack(">I", 2)
+    raw[60:64] = struct.pack(">I", version)
     path.write_bytes(bytes(raw))
-    assert "version 2 is newer" in refusal(path)
+    assert said in refusal(path)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])

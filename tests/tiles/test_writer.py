@@ -228,18 +228,6 @@ def test_the_log_is_emptied_as_soon_as_readers_let_it(
         assert busy_ms == 10_000
 
 
-def test_a_store_without_the_newer_tables_gets_them(path: Path) -> None:
-    with Writer(path) as writer:
-        for table in ("retired", "unfinished"):
-            writer.connection.execute(f"DROP TABLE {table}")
-        writer.connection.execute("DROP INDEX tile_by_lane")
-    with Writer(path) as writer:
-        note_all(writer)
-        with writer.transaction():
-            swap(writer, "second")
-        assert read_all(writer, writer.index(Lane.TERRAIN)) == bodies("second")
-
-
 def test_a_store_that_can_not_be_made_leaves_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "world.geopage"
     with pytest.raises(sqlite3.OperationalError):

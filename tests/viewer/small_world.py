@@ -12,17 +12,19 @@ from ingest.buildings import BuildingOptions, ingest_buildings
 from ingest.terrain import RasterOptions, ingest_rasters
 
 LON_DEG, LAT_DEG = 10.0, 45.0
-STEP_DEG = 0.5
+STEP_DEG = 0.4
+COLS = round(360 / STEP_DEG)
 BLOCK_M = 20.0
 ROWS = 12
 
 
 def write_earth(path: Path) -> None:
     """Write a whole earth of smooth hills, elevations in metres."""
-    lat = np.radians(90 - STEP_DEG * (np.arange(360) + 0.5))[:, None]
-    lon = np.radians(-180 + STEP_DEG * (np.arange(720) + 0.5))[None, :]
+    lat = np.radians(90 - STEP_DEG * (np.arange(COLS // 2) + 0.5))[:, None]
+    lon = np.radians(-180 + STEP_DEG * (np.arange(COLS) + 0.5))[None, :]
     hills = 800.0 * np.sin(3 * lon) * np.cos(lat) ** 2 + 300.0 * np.sin(4 * lat)
-    profile = {"driver": "GTiff", "width": 720, "height": 360, "count": 1, "dtype": "int16"}
+    profile = {"driver": "GTiff", "width": COLS, "height": COLS // 2}
+    profile |= {"count": 1, "dtype": "int16"}
     transform = Affine(STEP_DEG, 0, -180, 0, -STEP_DEG, 90)
     with rasterio.open(path, "w", crs="EPSG:4326", transform=transform, **profile) as file:
         file.write(hills.astype(np.int16), 1)

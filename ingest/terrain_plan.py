@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which cells the sources ask for: where a cell splits, and how close a leaf must be."""
+
+from ingest.boxes import overlap
+from ingest.layer import Layer
+from ingest.mosaic import Mosaic
+from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, step_m
+from ingest.truth import post_count
+from tiles import cells, geodesy
+from tiles.terrain import TEXTURE_SIDE
+
+MAX_LEVEL = 20
+MOST_POSTS = 40_000
+"""In a leaf: its vertices are named by 16 bits"""
+
+
+class Plan:
+    """The shape of the pyramid over some sources."""
+
+    def __init__(self, mosaic: Mosaic, pictures: list[Layer]) -> None:
+        self._mosaic, self._pictures = mosaic, pictures
+
+    def cut(self, root: int, most: int) -> list[int]:
+        """Return subtrees of about `most` leaves, by area, that cover a zone."""
+        found, open_ = [], [root]
+        while open_:
+            cell = open_.pop()
+            if self._leaves(cell) > most and self.splits(cell):
+                open_ += [int(child) for child in cells.children(cell)]
+            else:
+                found.append(cell)
+        return found
+
+    def _leaves(self, cell: int) -> float:
+        """Estimate the leaves under a cell from the areas and spacings of the sources."""
+        edge_m = float(geodesy.cell_edge_m(cell))
+        west, south, east, north = cells.bounds_rad(cell)
+        count = 0.0
+        for layer in [*self._mosaic.layers, *self._pictures]:
+            common = overlap(cell, layer.bounds_deg)
+            if common is not None:
+                area = (common[2] - common[0]) * (common[3] - common[1])
+                share = area / float((east - west) * (north - south))
+                side = TEXTURE_SIDE if layer.is_picture else LEAF_SIDE
+                count += share * (edge_m / (side * layer.spacing_m)) ** 2
+        return count
+
+    def first_leaves(self, cell: int) -> list[int]:
+        """Return the leaves that a leaf was made of: flat ones were joined."""
+        if not self.splits(cell):
+            return [cell]
+        children = (int(child) for child in cells.children(cell))
+        return [leaf for child in children for leaf in self.first_leaves(child)]
+
+    def splits(self, cell: int) -> bool:
+        """Say whether a source shows more than a leaf of this size would hold."""
+        if cells.level(cell) >= MAX_LEVEL:
+            return False
+        post_m = step_m(cell, LEAF_SIDE)
+        held = self.held(cell)
+        if any(layer.spacing_m < 0.999 * post_m for layer in held):
+            return True
+        # Near a pole, posts are much denser along parallels.
+        if any(post_count(layer, cell) > MOST_POSTS for layer in held):
+            return True
+        return self.shown_finer(cell)
+
+    def shown_finer(self, cell: int) -> bool:
+        """Say whether a picture shows more than the texels of a cell."""
+        texel_m = step_m(cell, TEXTURE_SIDE)
+        finer = [layer for layer in self._pictures if layer.spacing_m < 0.7 * texel_m]
+        return any(overlap(cell, layer.bounds_deg) for layer in finer)
+
+    def held(self, cell: int) -> list[Layer]:
+        """Return the elevation models with posts in a cell, coarsest first."""
+        box = [float(edge) for edge in cells.bounds_rad(cell)]
+        return [layer for layer in self._mosaic.layers if layer.holds(box)]
+
+    def leaf_bound_m(self, cell: int) -> float:
+        """Return a hundredth of the source's post spacing, or half its own step.
+
+        A small leaf beside a finer source follows the bend of the surface as closely
+        as an inner cell of its size would.
+        """
+        held = self.held(cell)
+        if not held:
+            return inner_bound_m(cell)
+        source_m = max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2)
+        return min(inner_bound_m(cell), source_m)
