@@ -30,10 +30,13 @@ from tiles.terrain import TEXTURE_SIDE
 LEAF_SIDE = 90
 """Posts along an edge of the largest leaf; the smallest has half: about 64 x 64"""
 RELIEF_SIDE = 128
+"""Squares along an edge of the lattice that relief is shaded from"""
 INSET_SIDE = 48
+"""Squares along an edge of the lattice over a source in a large cell"""
 LARGEST_BOUND_M = 3000.0
 """Coarse tiles keep closer than edge / 256, so that the globe's rim is round."""
 ROUNDS = 16
+"""Most rounds of mending"""
 MATTERS = 0.1
 """Share of a cell's bound; its children's vertices that matter less are no places of it"""
 BESIDE = 1 / 64
@@ -72,12 +75,13 @@ def fitted(
     error_m : its largest distance from the truths
     """
     slack_m = max(truth.slack_m for truth in truths)
-    goal_m = max(bound_m - slack_m, bound_m / 2)
+    # Closer than half of what is not known is wasted.
+    goal_m = max(bound_m - slack_m, bound_m / 2, slack_m / 2)
     meshing = Meshing(cell, places, upright=leaf)
     if leaf and _is_rough(truths, goal_m):
         meshing.refine_wholly()
     best = _refitted(cell, meshing, (bound_m, goal_m), truths, leaf=leaf)
-    if leaf and best[1] > bound_m and not at_pole(cell):
+    if leaf and best[1] > goal_m + slack_m and not at_pole(cell):
         whole = Meshing(cell, places, upright=leaf)
         whole.refine_wholly()
         best = min(
