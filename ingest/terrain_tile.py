@@ -31,6 +31,7 @@ LEAF_SIDE = 90
 """Posts along an edge of the largest leaf; the smallest has half: about 64 x 64"""
 RELIEF_SIDE = 128
 """Squares along an edge of the lattice that relief is shaded from"""
+LEAST_RELIEF_SIDE = 2
 INSET_SIDE = 48
 """Squares along an edge of the lattice over a source in a large cell"""
 LARGEST_BOUND_M = 3000.0
@@ -227,8 +228,13 @@ def painted(
     ----------
     held : elevation models with posts in the cell
     """
-    lon, lat = lattice_places(cell, RELIEF_SIDE, margin=1)
-    step = step_m(cell, RELIEF_SIDE)
+    # Between its posts a source has no relief: on a finer lattice its triangles would show.
+    finest_m = held[-1].spacing_m if held else step_m(cell, RELIEF_SIDE)
+    side = int(
+        np.clip(geodesy.cell_edge_m(cell) / finest_m, LEAST_RELIEF_SIDE, RELIEF_SIDE)
+    )
+    lon, lat = lattice_places(cell, side, margin=1)
+    step = step_m(cell, side)
     found, sea = mosaic.heights_and_sea(lon.ravel(), lat.ravel(), step)
     heights, zero = found.reshape(lon.shape), sea.reshape(lon.shape)
     texture = bc1.encode(colours(cell, heights, heights - zero, pictures))

@@ -1,0 +1,437 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many triangles the terrain takes, against floors and against regular grids.
+
+With `-s` the figures are printed. A tile keeps its bound everywhere; plain greedy
+insertion, the floor that tiles are counted against, keeps it at the posts only, so it is
+measured between them too. `GEOPAGE_STORE=world.geopage` measures a store made of the
+sample files instead.
+"""
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import rasterio
+from numpy.typing import NDArray
+
+from geopage.screen_error import lens_of, px_per_m_of
+from geopage.selection import ideal
+from geopage.view import ViewState
+from ingest.deviation import deviation_of
+from ingest.layer import Layer
+from ingest.mosaic import Mosaic
+from ingest.terrain import ingest_rasters
+from ingest.terrain_mesh import CORNERS, Meshing, Places, Surface, on_map, snapped
+from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, window_in
+from ingest.triangulation import Triangulation
+from ingest.truth import Truth, places_of, points_at, truth_of
+from tests.benchmarks.test_sampled_heights import cut
+from tests.geopage.worlds import view_at
+from tests.ingest.rasters import EGM96, Floats, leaf_at
+from tiles import cells, terrain
+from tiles.forest import build_forest
+from tiles.lanes import Lane
+from tiles.mesh import STEPS, UV_ONE
+from tiles.samples import SAMPLES
+from tiles.store import Store
+from viewer.cull import eye_of, is_visible
+
+TAU_PX = 2.0
+REGION_POSTS = 360
+MARGIN_POSTS = 12
+MOST_SIDE = 240
+"""Squares along an edge of the finest regular grid that is tried"""
+MOST_BELOW = 200_000
+"""Posts below an inner cell that is still meshed anew"""
+FAR_UP = np.array([0.0, 0.0, 1e15])
+"""The earth's centre of a flat earth: measure along the third axis"""
+
+
+class World:
+    """The terrain of a store, and what its tiles stand for."""
+
+    def __init__(self, store: Store, source: str) -> None:
+        self.store = store
+        self.mosaic = Mosaic(store.connection, store.sources("terrain"))
+        self.layer: Layer = next(one for one in self.mosaic.layers if one.name == source)
+        self.forest = build_forest(store.index(Lane.TERRAIN))
+        self.records = self.forest.records
+        self._truths: dict[int, Truth] = {}
+
+    def rows(self, *, leaves: bool) -> list[int]:
+        """Return tiles that lie wholly in the source, none finer being there.
+
+        Leaves that are made of a lattice of their own instead of posts are left out.
+        """
+        west, south, east, north = np.radians(self.layer.bounds_deg)
+        box = np.stack(cells.bounds_rad(self.records["cell"]), axis=-1)
+        inside = (box[:, :2] > (west, south)).all(axis=1)
+        inside &= (box[:, 2:] < (east, north)).all(axis=1)
+        inside &= (self.records["children"] == 0) == leaves
+        found = np.flatnonzero(inside).tolist()
+        finer = [one for one in self.mosaic.layers if one.spacing_m < self.layer.spacing_m]
+        found = [row for row in found if not any(self._near(one, row) for one in finer)]
+        return [row for row in found if not leaves or self._has_posts(row)]
+
+    def _near(self, layer: Layer, row: int) -> bool:
+        return layer.holds([float(x) for x in cells.bounds_rad(self.cell(row))])
+
+    def _has_posts(self, row: int) -> bool:
+        first = self.truths(self.cell(row))[0].uv[0, 0]
+        return bool((np.abs(first) > 1e-9).any())
+
+    def cell(self, row: int) -> int:
+        return int(self.records["cell"][row])
+
+    def triangles(self, row: int) -> int:
+        """Return a stored tile's triangles, skirts apart."""
+        body = self.store.body(int(self.records["row"][row]))
+        return terrain.decode(body).surface_index_count // 3
+
+    def truths(self, cell: int) -> list[Truth]:
+        """Return what the leaves in a cell stand for."""
+        first, last = int(cells.range_min(cell)), int(cells.range_max(cell))
+        mine = (self.records["cell"] >= first) & (self.records["cell"] <= last)
+        leaves = self.records["cell"][mine & (self.records["children"] == 0)]
+        for leaf in leaves.tolist():
+            if leaf not in self._truths:
+                self._truths[leaf] = truth_of(self.mosaic, leaf, LEAF_SIDE)
+        return [self._truths[leaf] for leaf in leaves.tolist()]
+
+    def posts(self, cell: int, *, rim: bool) -> Places:
+        """Return a cell's posts and corners, and the places on its edges if asked."""
+        at, points = [], []
+        for truth in self.truths(cell):
+            places, (u, v, size) = places_of(truth), window_in(cell, truth.cell)
+            there = snapped(np.array([u, v]) + size * places.at / UV_ONE)
+            on_rim = (there % UV_ONE == 0).any(axis=1)
+            is_corner = (there % UV_ONE == 0).all(axis=1)
+            is_post = (places.at % UV_ONE != 0).all(axis=1)
+            take = is_post | is_corner | (on_rim & rim)
+            at.append(there[take])
+            points.append(places.points[take])
+        places_at, ecef = np.concatenate(at), np.concatenate(points)
+        corners = (CORNERS * UV_ONE).astype(np.int64)
+        first = [np.flatnonzero((places_at == one).all(axis=1))[0] for one in corners]
+        order = np.concatenate([first, np.arange(len(places_at))])
+        return Places.of(places_at[order], ecef[order])
+
+
+def plain(cell: int, places: Places, bound_m: float, *, leaf: bool) -> Surface:
+    """Insert greedily, at exactly the bound: no room is left for rounded positions."""
+    reach_m = float(np.abs(places.points - places.points[:4].mean(axis=0)).max())
+    meshing = Meshing(cell, places, upright=leaf)
+    meshing.refine(bound_m + np.sqrt(3) / 2 * reach_m / STEPS)
+    return meshing.surface()
+
+
+def error_of(surface: Surface, cell: int, truths: list[Truth], *, leaf: bool) -> float:
+    """Return a surface's largest distance from what a cell stands for."""
+    both = [(window_in(cell, truth.cell), truth) for truth in truths]
+    return max(deviation_of(surface, *one, upright=leaf).largest_m for one in both)
+
+
+def some(rows: list[int], count: int) -> list[int]:
+    """Return so many of the rows, spread evenly."""
+    return [
+        rows[i] for i in np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int)
+    ]
+
+
+def per_tile(world: World, count: int, *, leaf: bool) -> dict[str, Floats]:
+    """Return tile ÷ floor for some tiles, and how far floors break the bound.
+
+    `stated`, `bound`: over posts alone, at the tile's stated error and at its bound;
+    `edges`: at the stated error, the places along the tile's edges counted too;
+    `breach`: largest error of the latter ÷ the stated error.
+    """
+    found: dict[str, list[float]] = {k: [] for k in ("stated", "bound", "edges", "breach")}
+    for row in some(world.rows(leaves=leaf), count):
+        cell, truths = world.cell(row), world.truths(world.cell(row))
+        if sum(truth.points[..., 0].size for truth in truths) > MOST_BELOW:
+            continue
+        stated_m = float(world.records["error_m"][row])
+        source_m = max(world.layer.spacing_m / 100, world.layer.vertical_step_m / 2)
+        bound_m = min(inner_bound_m(cell), source_m if leaf else np.inf)
+        posts, mine = world.posts(cell, rim=False), world.triangles(row)
+        floor = plain(cell, posts, stated_m, leaf=leaf)
+        loose = plain(cell, posts, bound_m, leaf=leaf)
+        edged = plain(cell, world.posts(cell, rim=True), stated_m, leaf=leaf)
+        surfaces = zip(("stated", "bound", "edges"), (floor, loose, edged), strict=True)
+        for name, one in surfaces:
+            found[name].append(mine / len(one.triangles))
+        found["breach"].append(error_of(edged, cell, truths, leaf=leaf) / stated_m)
+    return {name: np.array(values) for name, values in found.items()}
+
+
+def grid_triangles(world: World, row: int) -> int:
+    """Return the triangles of the coarsest regular grid that is as good as a tile.
+
+    At most as many as the posts themselves make, or as the finest grid tried.
+    """
+    cell = world.cell(row)
+    truths, leaf = world.truths(cell), not world.records["children"][row]
+    goal_m = float(world.records["error_m"][row])
+    low, high = 1, MOST_SIDE
+    while low < high:
+        side = (low + high) // 2
+        gap_m = error_of(lattice(cell, truths, side), cell, truths, leaf=leaf)
+        low, high = (low, side) if gap_m <= goal_m else (side + 1, high)
+    posts = 2 * len(world.posts(cell, rim=False).at)
+    return min(2 * high * high, posts)
+
+
+def lattice(cell: int, truths: list[Truth], side: int) -> Surface:
+    """Mesh a cell as side x side squares, all in the source's surface."""
+    steps = np.arange(side + 1) / side
+    uv = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    at, points = snapped(uv), np.full((len(uv), 3), np.nan)
+    for truth in truths:
+        u, v, size = window_in(cell, truth.cell)
+        there = (at / UV_ONE - (u, v)) / size
+        mine = ((there >= 0) & (there <= 1)).all(axis=1)
+        points[mine] = points_at(truth, there[mine]) + truth.centre
+    corners = np.array([0, side, -1, -1 - side]) % (side + 1) ** 2
+    order = np.concatenate([corners, np.setdiff1d(np.arange(len(uv)), corners)])
+    meshing = Meshing(cell, Places.of(at[order], points[order]))
+    meshing.refine_wholly()
+    return meshing.surface()
+
+
+class View(NamedTuple):
+    """What a settled view draws of a region, and its floors, in triangles."""
+
+    drawn: int
+    tiles: int
+    in_leaves: int
+    """of the triangles drawn"""
+    untextured: int
+    """drawn if a tile's texture could be as coarse as it likes"""
+    pieces: int
+    """greedy over each tile's posts, at what the view allows at its nearest point"""
+    whole: int
+    """one greedy mesh of all visible posts, each within the threshold at its own depth"""
+
+
+def visible(
+    world: World, region: int, view: ViewState, *, textured: bool = True
+) -> list[int]:
+    """Return what is drawn of a region and lies in the picture."""
+    records = world.records.copy()
+    records["texel_m"] *= textured
+    forests = dict.fromkeys(Lane, build_forest(records))
+    rows = ideal(forests, view, TAU_PX, TAU_PX).terrain
+    eye, found = eye_of(view), []
+    for row in rows.tolist():
+        sphere = world.forest.centre[row], float(world.forest.radius_m[row])
+        if bool(cells.contains(region, world.cell(row))) and is_visible(*sphere, eye):
+            found.append(row)
+    return found
+
+
+def per_view(world: World, region: int, view: ViewState) -> View:
+    """Count a view's triangles, and those of its floors."""
+    rows = visible(world, region, view)
+    centre, radius_m = world.forest.centre[rows], world.forest.radius_m[rows]
+    allowed_m = TAU_PX / px_per_m_of(lens_of(view), centre, radius_m.astype(np.float64))
+    pieces = 0
+    for row, most_m in zip(rows, allowed_m.tolist(), strict=True):
+        cell, leaf = world.cell(row), not world.records["children"][row]
+        bound_m = max(most_m, float(world.records["error_m"][row]) if leaf else 0.0)
+        posts = world.posts(cell, rim=False)
+        pieces += len(plain(cell, posts, bound_m, leaf=leaf).triangles)
+    counts = {row: world.triangles(row) for row in rows}
+    drawn = sum(counts.values())
+    in_leaves = sum(n for row, n in counts.items() if not world.records["children"][row])
+    fewer = visible(world, region, view, textured=False)
+    untextured = sum(world.triangles(row) for row in fewer)
+    whole = view_exact(world, region, view)
+    return View(drawn, len(rows), in_leaves, untextured, pieces, whole)
+
+
+def view_exact(world: World, region: int, view: ViewState) -> int:
+    """Mesh all visible posts of a region, each within the threshold at its own depth.
+
+    Divided by its depth (an affine function of the ground), a point keeps its plane, and
+    a distance along the vertical becomes one in pixels: so plain insertion judges all
+    posts by what this view makes of them.
+    """
+    places = world.posts(region, rim=False)
+    middle = places.points[:4].mean(axis=0)
+    up = middle / np.linalg.norm(middle)
+    east = np.cross([0, 0, 1.0], up) / np.linalg.norm(np.cross([0, 0, 1.0], up))
+    local = (places.points - middle) @ np.stack([east, np.cross(up, east), up], axis=1)
+    ground = places.points - (local[:, 2:] - np.median(local[:, 2])) * up
+    depth_m = (ground - view.eye) @ view.forward
+    seen = in_picture(places.points, view)
+    seen[:4] = True
+    assert (depth_m[seen] > 0).all()
+    px = np.ascontiguousarray(local * (view.focal_px / depth_m)[:, None])[seen]
+    at = np.ascontiguousarray(places.at[seen])
+    net = Triangulation(at, on_map(region, at, 1), px, FAR_UP)
+    net.refine(TAU_PX)
+    corner = net.result()
+    # Outside of the picture a triangle is not drawn.
+    shown = in_picture(places.points[seen][corner.used], view)
+    return int(shown[corner.triangles].any(axis=1).sum())
+
+
+def in_picture(points: Floats, view: ViewState) -> NDArray[np.bool_]:
+    """Say which ECEF points (n, 3) lie in the picture."""
+    x, y, z = ((points - view.eye) @ view.rotation.T).T
+    wide, high = view.width_px / 2 / view.focal_px, view.height_px / 2 / view.focal_px
+    return np.asarray((z < 0) & (np.abs(x) <= -z * wide) & (np.abs(y) <= -z * high))
+
+
+def views_of(world: World, region: int) -> Iterator[tuple[str, ViewState]]:
+    """Views of a region: from high, from its edge, and low from before its edge.
+
+    None is so near that a leaf would have to be finer than it is.
+    """
+    west, south, east, north = (float(x) for x in cells.bounds_rad(region))
+    lon, size_m = (west + east) / 2, (north - south) * 6.37e6
+    record = world.records[world.records["cell"] == region][0]
+    top_m = float(record["max_height_m"])
+    for share in (1.5, 0.7, 0.35):
+        place = lon, (south + north) / 2
+        yield f"down from {share} edges", view_at(top_m + share * size_m, place)
+    for share, pitch_deg in ((0.25, -35.0), (0.03, -10.0)):
+        place = lon, south - share * (north - south)
+        view = view_at(top_m + share * size_m, place, pitch_deg)
+        yield f"{pitch_deg:.0f} degrees from {share} edges above", view
+
+
+def quantiles(values: Floats) -> str:
+    """Return the middle, p90 and maximum as text."""
+    p50, p90 = np.quantile(values, (0.5, 0.9))
+    return f"median {p50:.2f}, p90 {p90:.2f}, max {values.max():.2f}"
+
+
+def say(line: str) -> None:
+    sys.stdout.write(f"\n{line}")
+
+
+def report_tiles(world: World, count: int) -> dict[bool, dict[str, Floats]]:
+    """Measure and print leaves and inner tiles."""
+    found = {leaf: per_tile(world, count, leaf=leaf) for leaf in (True, False)}
+    for leaf, parts in found.items():
+        kind = "leaves" if leaf else "inner tiles"
+        for name, values in parts.items():
+            if len(values):
+                say(f"{world.layer.name}: {len(values)} {kind}: {name} {quantiles(values)}")
+    return found
+
+
+def report_grids(world: World, count: int) -> dict[bool, Floats]:
+    """Measure and print tiles against regular grids."""
+    found = {}
+    for leaf in (True, False):
+        rows = [
+            row
+            for row in some(world.rows(leaves=leaf), count)
+            if sum(t.points[..., 0].size for t in world.truths(world.cell(row)))
+            < MOST_BELOW
+        ]
+        mine = np.array([world.triangles(row) for row in rows], float)
+        found[leaf] = mine / np.array([grid_triangles(world, row) for row in rows], float)
+        if rows:
+            kind = "leaves" if leaf else "inner tiles"
+            say(f"{world.layer.name}: {len(rows)} {kind} ÷ grid: {quantiles(found[leaf])}")
+    return found
+
+
+def report_views(world: World, region: int) -> list[View]:
+    """Measure and print some views."""
+    found = []
+    for name, view in views_of(world, region):
+        one = per_view(world, region, view)
+        found.append(one)
+        say(
+            f"{world.layer.name}: {name}: {one.drawn} triangles of {one.tiles} tiles "
+            f"({one.in_leaves / one.drawn:.0%} in leaves; {one.untextured} by error), "
+            f"÷ greedy by tiles {one.drawn / one.pieces:.2f}, "
+            f"÷ one view-exact mesh {one.drawn / one.whole:.2f}"
+        )
+    return found
+
+
+def region_of(world: World) -> int:
+    """Return the largest inner cell in the source that may be meshed anew."""
+    inner = world.rows(leaves=False)
+    inner.sort(key=lambda row: int(cells.level(world.cell(row))))
+    for row in inner:
+        truths = world.truths(world.cell(row))
+        if sum(truth.points[..., 0].size for truth in truths) <= MOST_BELOW:
+            return world.cell(row)
+    raise AssertionError
+
+
+def around(path: Path, source: Path) -> Path:
+    """Cut the posts of one cell, and a few around it, out of the middle of a raster."""
+    with rasterio.open(source) as whole:
+        lon, lat = whole.xy(whole.height // 2, whole.width // 2)
+        cell = leaf_at(lon, lat, whole.res[1] * 111_000, REGION_POSTS)
+        west, south, east, north = np.degrees(cells.bounds_rad(cell))
+        a, _, left, _, e, top = tuple(whole.transform)[:6]
+    first_col, last_col = int((west - left) / a), int((east - left) / a)
+    first_row, last_row = int((north - top) / e), int((south - top) / e)
+    corner = first_col - MARGIN_POSTS, first_row - MARGIN_POSTS
+    shape = last_row - first_row + 2 * MARGIN_POSTS, last_col - first_col + 2 * MARGIN_POSTS
+    return cut(path, source, corner, shape)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    """A bare store of a cell's worth of mountains, about 30 m apart."""
+    folder = tmp_path_factory.mktemp("counts")
+    source = around(folder / "langtang.tif", SAMPLES / "langtang.tif")
+    path = folder / "world.geopage"
+    ingest_rasters(path, [(source, EGM96)], workers=1)
+    with Store(path) as store:
+        yield World(store, "langtang")
+
+
+@pytest.mark.slow
+def test_tiles_take_few_more_triangles_than_greedy_insertion_over_posts(
+    world: World,
+) -> None:
+    found = report_tiles(world, 12)
+    assert np.median(found[True]["stated"]) < 1.6
+    assert np.median(found[False]["stated"]) < 1.6
+    # What the triangles above the floor are for.
+    assert found[True]["breach"].max() > 1.0
+
+
+@pytest.mark.slow
+def test_tiles_take_fewer_triangles_than_regular_grids(world: World) -> None:
+    found = report_grids(world, 2)
+    # A rough leaf needs all posts, and its edges cut squares in two.
+    assert found[True].max() < 1.15
+    assert found[False].max() < 0.4
+
+
+@pytest.mark.slow
+def test_views_take_few_more_triangles_than_view_exact_meshes(world: World) -> None:
+    found = report_views(world, region_of(world))
+    assert all(one.untextured <= one.drawn for one in found)
+    inner = [one for one in found if not one.in_leaves]
+    assert inner
+    # Where leaves are drawn the ratio is several times that: a leaf of rough ground is far
+    # finer than its parent's bound, and nothing lies between the two. It is printed.
+    assert all(one.drawn < 4 * one.whole for one in inner)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("GEOPAGE_STORE" not in os.environ, reason="names no store")
+@pytest.mark.parametrize("name", ["langtang", "himalaya", "earth"])
+def test_a_store_of_the_samples(name: str) -> None:
+    with Store(os.environ["GEOPAGE_STORE"]) as store:
+        one = World(store, name)
+        if name != "earth":  # `view_exact` takes the ground as flat
+            report_views(one, region_of(one))
+        report_tiles(one, 24)
+        report_grids(one, 6)
