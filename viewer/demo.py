@@ -66,8 +66,8 @@ def make_demo(out: Path) -> None:
         sources = reader.sources()
     text = (
         "Speed against accuracy. Each dot is a flight at one threshold; its bar reaches to"
-        " the 99th percentile. The error is the one that the selection knows, weighted by"
-        " area; it is a bound kept by the selection, not yet a measurement of the picture."
+        " the 99th percentile. The geometric error was measured at key frames, both ways,"
+        " against the sources' own posts; beside it stands what the selection knew."
     )
     over = (
         "The flight over time. Height, frame time beside its floor, screen error, memory."
