@@ -57,11 +57,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     if words[0] == "--version":
         print(f"geopage {__version__}")
         return 0
+    return guarded(run, words)
+
+
+def run(words: list[str]) -> int:
+    """Load and run the subcommand that the first word names."""
     command = find(words[0])
     if command is None:
         print(f"geopage: no command {words[0]!r}; see geopage --help", file=sys.stderr)
         return 2
-    return guarded(command, words[1:])
+    return command(words[1:])
 
 
 def guarded(command: Command, words: list[str]) -> int:

@@ -3,7 +3,6 @@
 
 import sqlite3
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from math import ceil, floor
 from typing import Any
 
@@ -234,36 +233,6 @@ class Layer:
                 known[0] = self._polar[0] if top == 0 else known[0]
                 known[-1] = self._polar[1] if bottom == height else known[-1]
                 yield top, left, posts, known
-
-    def own_surface(self, lon_rad: Floats, lat_rad: Floats) -> "OwnSurface | None":
-        """Return the posts around places, as the source's own triangles.
-
-        Returns
-        -------
-        None where a needed post holds no data or the places reach beyond the raster.
-        """
-        col, row = self.pixels(lon_rad, lat_rad)
-        height, width = self._shape
-        left, top = int(np.floor(col.min())), int(np.floor(row.min()))
-        right, bottom = int(np.floor(col.max())) + 2, int(np.floor(row.max())) + 2
-        beyond = left < 0 or right > width
-        if top < 0 or bottom > height or (beyond and not self.wraps):
-            return None
-        raw = self._blocks.window(0, top, bottom, left, right).astype(np.float64)
-        if not np.isfinite(raw).all():
-            return None
-        at = np.stack([col - left, row - top], axis=1)
-        return OwnSurface(raw, at)
-
-
-@dataclass(frozen=True, slots=True)
-class OwnSurface:
-    """A part of a source's own triangulated surface."""
-
-    height_m: Floats
-    """(h, w) posts, m above the ellipsoid"""
-    at: Floats
-    """(n, 2) columns and rows of the places that were asked for"""
 
 
 def _common_parts(box_rad: tuple[float, ...], bounds_deg: Box) -> Iterator[Box]:

@@ -83,14 +83,6 @@ class Mosaic:
             surface = np.where(outside, surface, own)
         return surface
 
-    def spacing_m(self, lon_rad: Floats, lat_rad: Floats) -> Floats:
-        """Return the post spacing of the source that wins at each place, inf at none."""
-        found = np.full(lon_rad.shape, np.inf)
-        for layer in self.layers:
-            known = np.isfinite(layer.heights(lon_rad, lat_rad, 0.0))
-            found[known] = layer.spacing_m
-        return found
-
     def reach_m(self, layer: Layer) -> float:
         """Return how far outside its own posts a source changes the surface."""
         group = next(one for one in self._groups if layer in one.layers)
