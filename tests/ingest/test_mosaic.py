@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nested sources make one surface without cliffs, holes or seams."""
 
-import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,8 +11,7 @@ from numpy.typing import NDArray
 
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
-from ingest.terrain import RasterOptions, editing, plan
-from ingest.terrain import copy as copy_source
+from ingest.terrain import RasterOptions
 from tests.ingest.rasters import (
     EGM96,
     STEP,
@@ -22,6 +20,7 @@ from tests.ingest.rasters import (
     coarse,
     geoid_m,
     hills,
+    mosaic_of,
     north_up,
     places_in,
     source_height_m,
@@ -30,16 +29,6 @@ from tests.ingest.rasters import (
 from tiles.store import Store
 
 ELLIPSOID = RasterOptions(datum="ellipsoid")
-
-
-def mosaic_of(
-    store: Path, files: list[tuple[Path, RasterOptions]]
-) -> tuple[Mosaic, sqlite3.Connection]:
-    with editing(store) as writer:
-        quiet = lambda done, total, what: None  # noqa: E731
-        sources = [copy_source(writer, plan(*one), quiet) for one in files]
-    connection = sqlite3.connect(store)
-    return Mosaic(connection, sources), connection
 
 
 @pytest.fixture
