@@ -69,21 +69,8 @@ def tree_of(forest: Forest, lane: Lane) -> Tree:
         records["tile_bytes"].astype(np.int64),
         records["memory_bytes"].astype(np.int64),
         has_tile,
-        _proxies(forest) * has_tile,
+        records["proxies"] * has_tile,
     )
-
-
-def _proxies(forest: Forest) -> U1:
-    """Say which children have a proxy in the cell's tile.
-
-    An index without this mask has none where no error is stated, and else one for
-    each child, which is how the object pyramid is built.
-    """
-    records = forest.records
-    if "proxies" in (records.dtype.names or ()):
-        return records["proxies"].astype(np.uint8)
-    bits = (forest.children >= 0) @ np.array((1, 2, 4, 8), np.uint8)
-    return np.where(records["error_m"] > 0, bits, 0).astype(np.uint8)
 
 
 def tree_bytes(tree: Tree, forest: Forest) -> int:

@@ -176,6 +176,9 @@ def _decide(
     records["proxy_dimension_m"] = tree.raised(np.maximum, widest)
     worst = tree.raised(np.maximum, worst)
     records["error_m"] = worst
+    np.bitwise_or.at(
+        records["proxies"], parent, np.left_shift(1, proxies.child).astype(np.uint8)
+    )
     return replace(proxies, error_m=np.maximum(error, worst[child]))
 
 

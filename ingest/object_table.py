@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The store's object table: footprints with heights and attributes, as rows.
 
-A row's footprint is WKB in degrees. Its third coordinate, where it has one, is the
-height of the walls' lower edge above the ground (a raised part: a bridge, an upper
-storey). `base_m` is that lower edge above the ellipsoid, without the plinth, and the
-roof is at `base_m + height_m`.
+A row's footprint is WKB in degrees. `raised_m` is the walls' lower edge above the
+ground (a bridge, an upper storey), `base_m` that edge above the ellipsoid, without the
+plinth; the roof is at `base_m + height_m`.
 """
 
 import json
@@ -42,29 +41,21 @@ class ObjectRows:
 def read_objects(store: Store) -> ObjectRows:
     """Read the objects of all sources, without their attributes."""
     rows = store.connection.execute(
-        "SELECT id, footprint, height_m, cell, base_m, dimension_m FROM object ORDER BY id"
+        "SELECT id, footprint, raised_m, height_m, cell, base_m, dimension_m"
+        " FROM object ORDER BY id"
     ).fetchall()
-    number, wkb, height, cell, base, dimension = (
-        zip(*rows, strict=True) if rows else [()] * 6
+    number, wkb, raised, height, cell, base, dimension = (
+        zip(*rows, strict=True) if rows else [()] * 7
     )
-    solid = np.asarray(shapely.from_wkb(np.array(wkb, object)), object)
     return ObjectRows(
         np.array(number, np.int64),
-        np.asarray(shapely.force_2d(solid), object),
-        _raised_m(solid),
+        np.asarray(shapely.from_wkb(np.array(wkb, object)), object),
+        np.array(raised, np.float64),
         np.array(height, np.float64),
         np.array(cell, np.int64),
         np.array(base, np.float64),
         np.array(dimension, np.float64),
     )
-
-
-def _raised_m(polygon: Geometries) -> Floats:
-    raised = np.zeros(len(polygon))
-    where = np.flatnonzero(shapely.has_z(polygon))
-    xyz, owner = shapely.get_coordinates(polygon[where], include_z=True, return_index=True)
-    raised[where[owner]] = xyz[:, 2]
-    return raised
 
 
 def insert_objects(writer: Writer, name: str, new: "NewObjects") -> Ints:
@@ -73,22 +64,20 @@ def insert_objects(writer: Writer, name: str, new: "NewObjects") -> Ints:
     number = int(found[0]) + 1 + np.arange(len(new.polygon))
     bounds = shapely.bounds(new.polygon)
     middle = (bounds[:, :2] + bounds[:, 2:]) / 2
-    solid = new.polygon.copy()
-    up = new.raised_m > 0
-    solid[up] = shapely.force_3d(solid[up], new.raised_m[up])
     rows = zip(
         number.tolist(),
         [name] * len(number),
         middle[:, 0].tolist(),
         middle[:, 1].tolist(),
+        new.raised_m.tolist(),
         new.height_m.tolist(),
-        shapely.to_wkb(solid).tolist(),
+        shapely.to_wkb(new.polygon).tolist(),
         new.attributes,
         strict=True,
     )
     writer.connection.executemany(
-        "INSERT INTO object(id, source, cell, lon_deg, lat_deg, base_m, height_m,"
-        " dimension_m, footprint, attributes) VALUES(?,?,0,?,?,0,?,0,?,?)",
+        "INSERT INTO object(id, source, cell, lon_deg, lat_deg, base_m, raised_m,"
+        " height_m, dimension_m, footprint, attributes) VALUES(?,?,0,?,?,0,?,?,0,?,?)",
         rows,
     )
     return number

@@ -26,7 +26,8 @@ INDEX = np.dtype(
         ("memory_bytes", "<u4"),  # decoded
         ("check", "<u4"),  # checksum of lane, cell and body
         ("children", "u1"),  # bit k: child k is in the index
-        ("unused", "u1", 3),
+        ("proxies", "u1"),  # bit k: the tile has a proxy for child k
+        ("unused", "u1", 2),
     ]
 )
 

@@ -2,7 +2,7 @@
 """The tables of a store, and what its file must say about itself."""
 
 APPLICATION_ID = 0x67656F70  # "geop"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 TABLES = """
 CREATE TABLE tile(
@@ -34,10 +34,12 @@ CREATE TABLE object(
     cell INTEGER NOT NULL,                  -- the one cell that holds it
     lon_deg REAL NOT NULL,
     lat_deg REAL NOT NULL,
-    base_m REAL NOT NULL,
-    height_m REAL NOT NULL,
+    base_m REAL NOT NULL,                   -- walls' lower edge above the ellipsoid
+    raised_m REAL NOT NULL,                 -- walls' lower edge above the ground
+    height_m REAL NOT NULL,                 -- roof above the walls' lower edge
     dimension_m REAL NOT NULL,
     footprint BLOB NOT NULL,                -- WKB, degrees
+    solid BLOB,                             -- mesh from a city model, or NULL: a prism
     attributes TEXT NOT NULL);              -- JSON, as in the source
 CREATE INDEX object_by_source ON object(source);
 CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;

@@ -102,6 +102,8 @@ def object_records(place: tuple[float, float] = SPOT) -> NDArray[np.void]:
     top, middle = level <= CITY_LEVELS[0], level <= CITY_LEVELS[1]
     records["error_m"] = np.select([top, middle], [40.0, 10.0], 0.0)
     records["proxy_dimension_m"] = np.select([top, middle], [5000.0, 2500.0], 0.0)
+    below = np.isin(cells.children(ids), ids)
+    records["proxies"] = np.where(middle, below @ np.array((1, 2, 4, 8), np.uint8), 0)
     return records
 
 

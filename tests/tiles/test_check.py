@@ -151,8 +151,9 @@ def test_objects_in_no_tile_and_in_several_are_reported(tmp_path: Path) -> None:
         records["check"] = [checksum(Lane.OBJECTS, *pair) for pair in pairs]
         writer.replace_index(Lane.OBJECTS, records)
         for one in (1, 2):
-            row = (one, "s", 1, 0.0, 0.0, 0.0, 1.0, 1.0, b"", "{}")
-            writer.connection.execute("INSERT INTO object VALUES(?,?,?,?,?,?,?,?,?,?)", row)
+            row = (one, "s", 1, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, b"", None, "{}")
+            marks = ",".join("?" * len(row))
+            writer.connection.execute(f"INSERT INTO object VALUES({marks})", row)
     assert set(faults(path)) == {
         "object 2 is in no tile",
         "object 1 is in several tiles",
