@@ -9,6 +9,8 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+MOST_INDENTED = 1_000_000
+
 
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, and which reads `--at -33.9,18.4,100`."""
@@ -75,6 +77,14 @@ def size(text: str) -> tuple[int, int]:
     return width, height
 
 
+def pixel(text: str) -> tuple[int, int]:
+    """Read X,Y, counted from the top left corner of a picture."""
+    parts = text.split(",")
+    if len(parts) != 2 or not all(part.strip().isdecimal() for part in parts):
+        raise argparse.ArgumentTypeError(f"expected X,Y, got {text!r}")
+    return int(parts[0]), int(parts[1])
+
+
 def positive(text: str) -> float:
     """Read a number above zero."""
     try:
@@ -86,9 +96,21 @@ def positive(text: str) -> float:
     return value
 
 
+def whole(text: str) -> int:
+    """Read a whole number above zero."""
+    if not text.isdigit() or not 0 < int(text) <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
+    return int(text)
+
+
 def print_json(value: Any) -> None:
     """Print one JSON object on stdout; numbers that JSON lacks become null."""
-    sys.stdout.write(json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
+    plain = _plain(value)
+    text = json.dumps(plain, allow_nan=False)
+    # Indenting takes twenty times as long; nobody reads so much.
+    if len(text) < MOST_INDENTED:
+        text = json.dumps(plain, indent=2, allow_nan=False)
+    sys.stdout.write(text + "\n")
 
 
 def _plain(value: Any) -> Any:

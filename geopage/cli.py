@@ -17,6 +17,7 @@ HELP = {
     "info": "say what a store holds",
     "check": "verify every tile and every invariant of a store",
     "sample": "heights, cells and buildings at places",
+    "find": "buildings by what is known of them",
     "render": "make one settled picture",
     "fly": "fly a camera path and write a report",
     "accuracy": "measure the pixel error of random views against the sources",

@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`geopage info`, `geopage check` and `geopage sample`."""
+"""`geopage info`, `check`, `sample` and `find`."""
 
 import csv
+import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from geopage.arguments import LAT_LON, Parser, print_json
+from geopage.arguments import LAT_LON, Parser, print_json, whole
+from geopage.find import find_ids, view_of
 from geopage.overview import overview, overview_lines
 from tiles.check import faults_of
 from tiles.errors import InputError
 from tiles.lanes import Lane
 from tiles.places import Places
+from tiles.reach import unreachable
 from tiles.store import Store
 
 
@@ -47,6 +51,9 @@ def check(words: list[str]) -> int:
     given = parser.read(words)
     with Store(given.store) as store:
         faults = list(faults_of(store))
+        if not faults:
+            lost = unreachable(store)
+            faults = [f"object {one} is not found where it stands" for one in lost]
         count = (
             sum(int((store.index(lane)["row"] > 0).sum()) for lane in Lane)
             if not faults
@@ -63,6 +70,45 @@ def check(words: list[str]) -> int:
             else f"{given.store}: sound, {count} tiles"
         )
     return 1 if faults else 0
+
+
+def find(words: list[str]) -> int:
+    """Find objects by attribute; 1 when there are none."""
+    parser = Parser(
+        "find",
+        "Find buildings by what is known of them: FIELD=VALUE, FIELD!=VALUE, FIELD>10\n"
+        "(also <, >=, <=), FIELD~TEXT where a field contains a text, TEXT where any does.",
+        "Fields are the attributes of the sources, and id, source, lon_deg, lat_deg,\n"
+        "base_m, height_m and dimension_m. `geopage render STORE --at ...` with the place\n"
+        "after --at shows the building.",
+    )
+    parser.add_argument("store", type=Path)
+    parser.add_argument("condition", metavar="CONDITION")
+    parser.add_argument("--limit", type=whole, default=20, metavar="N")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    given = parser.read(words)
+    with Store(given.store) as store:
+        ids = find_ids(store, given.condition)
+        objects = store.objects(ids[: given.limit])
+    for one in objects:
+        one["at"] = view_of(one)
+    if given.json:
+        print_json({"count": len(ids), "objects": objects})
+    else:
+        for one in objects:
+            print(_object_line(one))
+        more = f", the first {len(objects)} shown" if len(ids) > len(objects) else ""
+        print(f"{len(ids)} of {given.condition!r} in {given.store}{more}", file=sys.stderr)
+    return 0 if ids else 1
+
+
+def _object_line(one: dict[str, Any]) -> str:
+    """Say what an object is and where."""
+    said = json.dumps(one["attributes"], ensure_ascii=False)
+    return (
+        f"object {one['id']} of {one['source']}  --at {one['at']}"
+        f"  {one['height_m']:.1f} m high  {said}"
+    )
 
 
 def sample(words: list[str]) -> int:

@@ -100,6 +100,19 @@ class Blocks:
             out[np.ix_(y, x)] = block[rows[y] - r * BLOCK][:, cols[x] - c * BLOCK]
         return out
 
+    def posts_at(
+        self, row: NDArray[np.int64], col: NDArray[np.int64]
+    ) -> NDArray[np.generic]:
+        """Return single posts of the raster as read, (n,); see `window` for outside."""
+        row = np.clip(row, 0, self.height - 1)
+        col = col % self.width if self.wraps else np.clip(col, 0, self.width - 1)
+        unique, which = np.unique((row // BLOCK, col // BLOCK), axis=1, return_inverse=True)
+        out = np.empty(len(row), self.dtype)
+        for k, (r, c) in enumerate(unique.T.tolist()):
+            at = np.flatnonzero(which == k)
+            out[at] = self._block(0, r, c)[row[at] - r * BLOCK, col[at] - c * BLOCK]
+        return out
+
     def _inside(
         self, level: int, top: int, bottom: int, left: int, right: int
     ) -> NDArray[np.generic]:

@@ -8,6 +8,7 @@ while an ingest swaps index blocks. Thread: each thread opens its own `Store`.
 import json
 import os
 import sqlite3
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -22,6 +23,9 @@ from tiles.errors import InputError, TileFault
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.schema import APPLICATION_ID, FORMAT_VERSION
+
+IDS_AT_ONCE = 500
+"""SQLite takes at least 999 values in a statement."""
 
 
 class Store:
@@ -110,19 +114,27 @@ class Store:
         """Return the number of stored objects."""
         return int(self.connection.execute("SELECT COUNT(*) FROM object").fetchone()[0])
 
-    def objects(self, ids: list[int]) -> list[dict[str, Any]]:
+    def objects(self, ids: Sequence[int]) -> list[dict[str, Any]]:
         """Return objects of the object table with their attributes, in the given order."""
-        ask = (
-            "SELECT id, source, lon_deg, lat_deg, base_m, height_m, dimension_m, attributes"
-            " FROM object WHERE id=?"
-        )
-        found = [self.connection.execute(ask, (one,)).fetchone() for one in ids]
         names = ("id", "source", "lon_deg", "lat_deg", "base_m", "height_m", "dimension_m")
-        return [
-            dict(zip(names, row[:-1], strict=True)) | {"attributes": json.loads(row[-1])}
-            for row in found
-            if row
-        ]
+        found = {
+            row[0]: dict(zip(names, row[:-1], strict=True))
+            | {"attributes": json.loads(row[-1])}
+            for row in self._by_id(", ".join((*names, "attributes")), ids)
+        }
+        return [found[one] for one in ids if one in found]
+
+    def footprints(self, ids: Sequence[int]) -> list[tuple[int, bytes]]:
+        """Return id and footprint, WKB in degrees, of objects of the object table."""
+        return list(self._by_id("id, footprint", ids))
+
+    def _by_id(self, columns: str, ids: Sequence[int]) -> Iterator[tuple[Any, ...]]:
+        """Yield columns of some objects, each once, in no order."""
+        for first in range(0, len(ids), IDS_AT_ONCE):
+            some = list(ids[first : first + IDS_AT_ONCE])
+            marks = ",".join("?" * len(some))
+            ask = f"SELECT {columns} FROM object WHERE id IN ({marks})"
+            yield from self.connection.execute(ask, some)
 
     def meta(self, key: str, default: str = "") -> str:
         """Return a value of the meta table."""

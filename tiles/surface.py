@@ -1,45 +1,71 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Heights as they are drawn when everything is resident: the finest stored meshes."""
+"""Heights as they are drawn: the finest stored meshes, and the coarser ones above them."""
 
 from collections import OrderedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles import cells, terrain
+from tiles import cells, terrain, zones
 from tiles.forest import Forest, build_forest
-from tiles.frames import Ecef, Floats
-from tiles.geodesy import to_geodetic
-from tiles.kernels import kernel
+from tiles.frames import Floats, Ints
+from tiles.kernels import inlined, kernel
 from tiles.lanes import Lane
-from tiles.mesh import UV_ONE
+from tiles.patch import Patch, heights_on, patch_of
 from tiles.store import Store
-from tiles.terrain import TerrainTile
 
 CACHE_TILES = 256
+_ALONG = 1 << cells.MAX_LEVEL
+_STEP_RAD = zones.SIZE_RAD / _ALONG
 
 
 class Surface:
-    """The terrain of a store as a function of place. Thread: the one that made it."""
+    """The terrain of a store as a function of place. Thread: the one that made it.
+
+    Places are looked up tile by tile, so that thousands in one call cost less than a
+    microsecond each; they cost least where neighbours follow each other.
+    """
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self.forest: Forest = build_forest(store.index(Lane.TERRAIN))
-        self._leaves = np.flatnonzero(self.forest.records["children"] == 0)
-        cell = self.forest.records["cell"][self._leaves]
+        records = self.forest.records
+        self._leaves = np.flatnonzero(records["children"] == 0)
+        cell = records["cell"][self._leaves]
         order = np.argsort(cells.range_min(cell)) if len(cell) else np.zeros(0, np.int64)
         self._leaves = self._leaves[order]
         self._first = cells.range_min(cell[order]) if len(cell) else cell
-        self._cache: OrderedDict[int, TerrainTile] = OrderedDict()
+        self._last = cells.range_max(cell[order]) if len(cell) else cell
+        # With one entry more, for row -1, which is no tile.
+        self.level = np.append(cells.level(records["cell"]), -1)
+        """(rows + 1,) level of each tile"""
+        self._parent = np.append(self.forest.parent, -1).astype(np.int64)
+        self.error_m = np.append(records["error_m"], np.inf)
+        """(rows + 1,) measured error of each tile's mesh"""
+        self.selected_m = np.maximum(self.error_m, np.append(records["texel_m"], 0.0))
+        """(rows + 1,) what the threshold is held against: the mesh's error or the texel"""
+        self._cache: OrderedDict[int, Patch] = OrderedDict()
 
     def rows(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.int64]:
-        """Return the forest row of the leaf at each place, -1 where there is no terrain."""
+        """Return the forest row of the leaf at each place, -1 where there is no terrain.
+
+        Raises
+        ------
+        ValueError
+            When a longitude or latitude is not finite.
+        """
         if not len(self._leaves):
             return np.full(np.shape(lon_rad), -1)
-        point = cells.cell_at(lon_rad, lat_rad, cells.MAX_LEVEL)
-        leaf = self._leaves[np.searchsorted(self._first, point, side="right") - 1]
-        there = cells.contains(self.forest.records["cell"][leaf], point)
-        return np.where(there, leaf, -1)
+        if not (np.isfinite(lon_rad).all() and np.isfinite(lat_rad).all()):
+            raise ValueError("a longitude or latitude is not a finite number")
+        lon = np.ascontiguousarray(zones.wrap_lon(lon_rad), np.float64)
+        lat = np.clip(np.asarray(lat_rad, np.float64), -np.pi / 2, np.pi / 2)
+        found = np.empty(lon.size, np.int64)
+        _find(
+            self._first, self._last, lon.ravel(), np.ascontiguousarray(lat).ravel(), found
+        )
+        leaf = np.where(found >= 0, self._leaves[found], -1)
+        return np.asarray(leaf.reshape(lon.shape))
 
     def heights(self, lon_rad: Floats, lat_rad: Floats) -> tuple[Floats, Floats]:
         """Return heights above the ellipsoid and the tiles' measured errors, m.
@@ -57,64 +83,109 @@ class Surface:
         TileFault
             When a tile's bytes are not what was written.
         """
-        height, error = np.zeros(len(lon_rad)), np.full(len(lon_rad), np.inf)
         rows = self.rows(lon_rad, lat_rad)
-        for row in np.unique(rows[rows >= 0]):
-            at = np.flatnonzero(rows == row)
-            tile = self._tile(int(row))
-            u, v = cells.uv_in_cell(tile.cell, lon_rad[at], lat_rad[at])
-            height[at] = heights_on(tile, u, v)
-            error[at] = tile.error_m
-        return height, error
+        return self.heights_in(rows, lon_rad, lat_rad), self.error_m[rows]
+
+    def heights_at_level(
+        self, lon_rad: Floats, lat_rad: Floats, level: int
+    ) -> tuple[Floats, Floats]:
+        """Return what `heights` does, of the tiles of a level, or of leaves above it."""
+        rows = self.up_to(self.rows(lon_rad, lat_rad), level)
+        return self.heights_in(rows, lon_rad, lat_rad), self.error_m[rows]
+
+    def up_to(self, rows: Ints, level: int) -> Ints:
+        """Return the rows of the tiles of a level above some rows; -1 stays."""
+        while (deep := self.level[rows] > level).any():
+            rows = np.where(deep, self._parent[rows], rows)
+        return rows
+
+    def heights_in(self, rows: Ints, lon_rad: Floats, lat_rad: Floats) -> Floats:
+        """Return the heights that the tiles in `rows`, (n,), have at places of theirs, m.
+
+        Where a row is -1, the height is 0.
+        """
+        height = np.zeros(len(rows))
+        order = np.argsort(rows, kind="stable")
+        lon, lat, sorted_rows = lon_rad[order], lat_rad[order], rows[order]
+        ends = np.flatnonzero(np.diff(sorted_rows, append=np.iinfo(np.int64).max)) + 1
+        found, first = np.zeros(len(rows)), 0
+        for end in ends.tolist():
+            row, at = int(sorted_rows[first]), slice(first, end)
+            if row >= 0:
+                heights_on(self._patch(row), lon[at], lat[at], found[at])
+            first = end
+        height[order] = found
+        return height
+
+    def lowest(self, lon_rad: Floats, lat_rad: Floats, within_m: Floats) -> Floats:
+        """Return the lowest height of the coarser terrain that may be drawn instead, m.
+
+        Parameters
+        ----------
+        lon_rad, lat_rad : (n,) float64
+        within_m : (n,) tiles above the leaf count up to this screen error, m (the
+            mesh's or a texel)
+
+        Returns
+        -------
+        (n,) float64; infinite where no coarser tile is within the error
+        """
+        rows = self.rows(lon_rad, lat_rad)
+        low, at = np.full(len(rows), np.inf), np.arange(len(rows))
+        while len(at):
+            rows = self._parent[rows]
+            coarse = np.flatnonzero((rows >= 0) & (self.selected_m[rows] <= within_m[at]))
+            rows, at = rows[coarse], at[coarse]
+            height = self.heights_in(rows, lon_rad[at], lat_rad[at])
+            low[at] = np.minimum(low[at], height)
+        return low
 
     def height_at(self, lon_rad: float, lat_rad: float) -> float:
         """Return the height of one place above the ellipsoid, m."""
         return float(self.heights(np.array([lon_rad]), np.array([lat_rad]))[0][0])
 
-    def _tile(self, row: int) -> TerrainTile:
+    def _patch(self, row: int) -> Patch:
         if row in self._cache:
             self._cache.move_to_end(row)
             return self._cache[row]
         record = self.forest.records[row]
         key = int(record["cell"]), int(record["row"]), int(record["check"])
-        tile = terrain.decode(self._store.checked_body(Lane.TERRAIN, *key))
-        self._cache[row] = tile
+        patch = patch_of(terrain.decode(self._store.checked_body(Lane.TERRAIN, *key)))
+        self._cache[row] = patch
         if len(self._cache) > CACHE_TILES:
             self._cache.popitem(last=False)
-        return tile
-
-
-def heights_on(tile: TerrainTile, u: Floats, v: Floats) -> Floats:
-    """Interpolate a tile at fractions of its cell; (n,) m above the ellipsoid."""
-    triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
-    detail = tile.mesh.vertices["detail"].astype(np.float64) / UV_ONE
-    points = _interpolate(triangles, detail, tile.mesh.local, np.stack([u, v], axis=-1))
-    return to_geodetic(Ecef(points + tile.mesh.centre))[2]
+        return patch
 
 
 @kernel
-def _interpolate(
-    triangles: NDArray[np.uint16], detail: Floats, local: Floats, places: Floats
-) -> Floats:
-    """Return the point of the triangle that holds each place, (n, 3) m."""
-    points = np.zeros((len(places), 3))
-    for i in range(len(places)):
-        x, y = places[i, 0], places[i, 1]
-        best = -np.inf
-        for t in range(len(triangles)):
-            a, b, c = triangles[t]
-            ax, ay = detail[a, 0] - x, detail[a, 1] - y
-            bx, by = detail[b, 0] - x, detail[b, 1] - y
-            cx, cy = detail[c, 0] - x, detail[c, 1] - y
-            w0, w1, w2 = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
-            area = w0 + w1 + w2
-            inside = min(w0, w1, w2) / area
-            if inside > best:
-                best = inside
-                for k in range(3):
-                    points[i, k] = (
-                        w0 * local[a, k] + w1 * local[b, k] + w2 * local[c, k]
-                    ) / area
-                if inside >= 0.0:
-                    break
-    return points
+def _find(first: Ints, last: Ints, lon_rad: Floats, lat_rad: Floats, found: Ints) -> None:
+    """Write which range of cell ids holds each place, -1 where none does."""
+    leaf = 0
+    for i in range(len(lon_rad)):
+        row = min(
+            _line_below(lat_rad[i]) + zones.ROWS // 2 * _ALONG, zones.ROWS * _ALONG - 1
+        )
+        column = _line_below(lon_rad[i]) + zones.COLUMNS // 2 * _ALONG
+        zone = row // _ALONG * zones.COLUMNS + column // _ALONG
+        code = _spread(row % _ALONG) << 1 | _spread(column % _ALONG)
+        place = (zone << 2 * cells.MAX_LEVEL | code) << 1 | 1
+        if not first[leaf] <= place <= last[leaf]:
+            leaf = max(int(np.searchsorted(first, place, side="right")) - 1, 0)
+        found[i] = leaf if first[leaf] <= place <= last[leaf] else -1
+
+
+@inlined
+def _line_below(x: float) -> int:
+    """Return the last grid line of the deepest level at or below x, as `zones` does."""
+    line = np.floor(x / _STEP_RAD)
+    return int(line + (x >= (line + 1) * _STEP_RAD) - (x < line * _STEP_RAD))
+
+
+@inlined
+def _spread(x: int) -> int:
+    """Put zeros between the 28 bits of x."""
+    x = (x | x << 16) & 0x0000FFFF0000FFFF
+    x = (x | x << 8) & 0x00FF00FF00FF00FF
+    x = (x | x << 4) & 0x0F0F0F0F0F0F0F0F
+    x = (x | x << 2) & 0x3333333333333333
+    return (x | x << 1) & 0x5555555555555555

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tiles.frames import WGS84_A_M, Floats
 from tiles.geodesy import to_ecef
+from tiles.kernels import kernel
 from tiles.placement import Placement
 from tiles.raster_blocks import BlockCache, Blocks, level_count, level_shape
 from tiles.store import Store
@@ -37,15 +38,19 @@ class Winners:
         cache = BlockCache()
         self._rasters = [_Raster(store, source, cache) for source in finest_first]
 
-    def at(self, lon_rad: float, lat_rad: float) -> Winner:
-        """Return the finest source that has data at a place."""
-        place = np.array([lon_rad]), np.array([lat_rad])
-        feathered = False
+    def at(self, lon_rad: Floats, lat_rad: Floats) -> list[Winner]:
+        """Return the finest source that has data at each place, (n,)."""
+        source = np.full(len(lon_rad), None, object)
+        feathered = np.zeros(len(lon_rad), bool)
+        left = np.arange(len(lon_rad))
         for raster in self._rasters:
-            if raster.covers(*place):
-                return Winner(raster.name, feathered)
-            feathered = feathered or raster.reaches(*place)
-        return Winner(None, feathered)
+            covered = raster.covers(lon_rad[left], lat_rad[left])
+            source[left[covered]] = raster.name
+            left = left[~covered]
+            near = left[raster.is_near(lon_rad[left], lat_rad[left]) & ~feathered[left]]
+            feathered[near] = raster.reaches(lon_rad[near], lat_rad[near])
+        pairs = zip(source.tolist(), feathered.tolist(), strict=True)
+        return [Winner(*pair) for pair in pairs]
 
 
 class _Raster:
@@ -54,6 +59,7 @@ class _Raster:
     def __init__(self, store: Store, source: dict[str, Any], cache: BlockCache) -> None:
         self.name = str(source["name"])
         self._reach_m = float(source.get("reach_m", 0.0))
+        self._reach_posts = max(self._reach_m / float(source["spacing_m"]), 1.0)
         self._place = Placement(source)
         self._shape = int(source["height"]), int(source["width"])
         key = str(source["blocks"])
@@ -62,49 +68,60 @@ class _Raster:
         )
         self._closes = self._place.closes
 
-    def covers(self, lon_rad: Floats, lat_rad: Floats) -> bool:
-        """Say whether a place lies in one of the source's triangles."""
-        if not self._place.near(lon_rad, lat_rad)[0]:
-            return False
+    def covers(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.bool_]:
+        """Say which places, (n,), lie in one of the source's triangles."""
+        covered = self._place.near(lon_rad, lat_rad)
+        there = np.flatnonzero(covered)
         height, width = self._shape
-        col, row = (float(one[0]) for one in self._place.pixels(lon_rad, lat_rad))
-        row = max(row, 0.0) if self._closes[0] else row
-        row = min(row, height - 1.0) if self._closes[1] else row
-        inner_row = min(max(row, 0.0), height - 1.0)
-        inner_col = col if self._place.wraps else min(max(col, 0.0), width - 1.0)
-        if max(abs(row - inner_row), abs(col - inner_col)) > ROUNDING:
-            return False
-        c, r = int(np.floor(inner_col)), int(inner_row)
+        col, row = self._place.pixels(lon_rad[there], lat_rad[there])
+        row = np.maximum(row, 0.0) if self._closes[0] else row
+        row = np.minimum(row, height - 1.0) if self._closes[1] else row
+        inner_row = np.clip(row, 0.0, height - 1.0)
+        inner_col = col if self._place.wraps else np.clip(col, 0.0, width - 1.0)
+        off = np.maximum(np.abs(row - inner_row), np.abs(col - inner_col))
+        c, r = np.floor(inner_col).astype(np.int64), inner_row.astype(np.int64)
         x, y = inner_col - c, inner_row - r
-        weights = np.array([[1.0 - max(x, y), x - y], [y - x, min(x, y)]])
-        posts = self._blocks.window(0, r, r + 2, c, c + 2)
-        return bool(np.isfinite(posts[weights > 0.0]).all())
+        known = off <= ROUNDING
+        weights = 1.0 - np.maximum(x, y), x - y, y - x, np.minimum(x, y)
+        for k, weight in enumerate(weights):
+            post = self._blocks.posts_at(r + k // 2, c + k % 2)
+            known &= np.isfinite(post) | (weight <= 0.0)
+        covered[there] = known
+        return covered
 
-    def reaches(self, lon_rad: Floats, lat_rad: Floats) -> bool:
-        """Say whether a post with data is within the source's feather, roughly."""
-        if not self._place.near(lon_rad, lat_rad, self._reach_m)[0]:
-            return False
-        col, row, posts = self._around(lon_rad, lat_rad)
-        at = np.nonzero(np.isfinite(posts))
-        lon, lat = self._place.places(col[at], row[at])
-        away = to_ecef(lon, lat, 0.0) - to_ecef(lon_rad, lat_rad, 0.0)
-        return bool((np.linalg.norm(away, axis=1) <= self._reach_m).any())
+    def is_near(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.bool_]:
+        """Say which places, (n,), are in the source's box or within its feather."""
+        return self._place.near(lon_rad, lat_rad, self._reach_m)
+
+    def reaches(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.bool_]:
+        """Say of which places, (n,), a post with data is within the source's feather."""
+        pixel = np.stack(self._place.pixels(lon_rad, lat_rad))
+        # Places side by side look at the same posts.
+        _, group = np.unique(pixel // self._reach_posts, axis=1, return_inverse=True)
+        reached = np.zeros(len(lon_rad), bool)
+        for k in range(int(group.max(initial=-1)) + 1):
+            some = np.flatnonzero(group == k)
+            col, row, posts = self._around(lon_rad[some], lat_rad[some])
+            at = np.nonzero(np.isfinite(posts))
+            there = to_ecef(*self._place.places(col[at], row[at]), 0.0)
+            here = to_ecef(lon_rad[some], lat_rad[some], 0.0)
+            reached[some] = _any_within(here, there, self._reach_m)
+        return reached
 
     def _around(
         self, lon_rad: Floats, lat_rad: Floats
     ) -> tuple[Floats, Floats, NDArray[np.generic]]:
         """Return columns, rows and heights of halved posts as far as the feather."""
         north = self._reach_m / WGS84_A_M
-        east = north / max(float(np.cos(lat_rad[0])), 0.01)
-        lon, lat = lon_rad + np.array([0, east, -east]), lat_rad + np.zeros(3)
-        side = self._place.pixels(lon, lat)
-        up = self._place.pixels(
-            lon_rad + np.zeros(3), lat_rad + np.array([0, north, -north])
-        )
-        cols, rows = (np.concatenate([a, b]) for a, b in zip(side, up, strict=True))
+        east = north / max(float(np.cos(lat_rad).min()), 0.01)
+        off = np.array([[0.0], [1.0], [-1.0]])
+        side = (lon_rad + east * off).ravel(), np.tile(lat_rad, 3)
+        up = np.tile(lon_rad, 3), (lat_rad + north * off).ravel()
+        pixels = [self._place.pixels(*one) for one in (side, up)]
+        cols, rows = (np.concatenate(both) for both in zip(*pixels, strict=True))
         height, width = self._shape
         level, last = 0, level_count(width, height) - 1
-        spread = max(float(np.ptp(cols)), float(np.ptp(rows)))
+        spread = max(float(np.ptp(x.reshape(6, -1), axis=0).max()) for x in (cols, rows))
         while spread / 2 ** (level + 1) > SEARCHED_POSTS and level < last:
             level += 1
         h, w = level_shape(width, height, level)
@@ -119,3 +136,18 @@ class _Raster:
         posts = self._blocks.window(level, top, max(bottom, top), left, max(right, left))
         fine = [(one + 0.5) * 2**level - 0.5 for one in at]
         return fine[0], fine[1], posts
+
+
+@kernel
+def _any_within(here: Floats, there: Floats, reach_m: float) -> NDArray[np.bool_]:
+    """Say of which points, (n, 3), one of the others, (m, 3), is within a distance."""
+    found = np.zeros(len(here), np.bool_)
+    for i in range(len(here)):
+        for j in range(len(there)):
+            x = here[i, 0] - there[j, 0]
+            y = here[i, 1] - there[j, 1]
+            z = here[i, 2] - there[j, 2]
+            if x * x + y * y + z * z <= reach_m * reach_m:
+                found[i] = True
+                break
+    return found

@@ -16,7 +16,11 @@ from tests.ingest.rasters import (
     places_in,
     source_height_m,
 )
+from tiles import cells, terrain
 from tiles.errors import TileFault
+from tiles.geodesy import to_geodetic
+from tiles.lanes import Lane
+from tiles.mesh import UV_ONE
 from tiles.samples import SAMPLES
 from tiles.store import Store
 from tiles.surface import Surface
@@ -94,14 +98,108 @@ def test_every_place_of_the_globe_has_a_leaf(
     assert np.isfinite(error).all()
 
 
+def searched_m(store: Store, surface: Surface, row: int, lon: float, lat: float) -> float:
+    """Look through all triangles of a tile, in numpy, and turn the point back."""
+    record = surface.forest.records[row]
+    key = int(record["cell"]), int(record["row"]), int(record["check"])
+    tile = terrain.decode(store.checked_body(Lane.TERRAIN, *key))
+    u, v = cells.uv_in_cell(tile.cell, lon, lat)
+    triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
+    uv = tile.mesh.vertices["detail"][triangles] / UV_ONE - np.array([u, v])
+    ahead, behind = np.roll(uv, -1, axis=1), np.roll(uv, -2, axis=1)
+    weight = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
+    weight = weight / weight.sum(axis=1, keepdims=True)
+    best = int(np.argmax(weight.min(axis=1)))
+    point = weight[best] @ tile.mesh.local[triangles[best]] + tile.mesh.centre
+    return float(to_geodetic(point)[2])
+
+
+def some_places(folder: Path, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Places all over the globe, many on the inset, and corners of cells."""
+    lon, lat = places_in(folder / "inset.tif", 60, rng)
+    lon = np.concatenate([np.radians(lon), rng.uniform(-np.pi, np.pi, 60)])
+    lat = np.concatenate([np.radians(lat), np.arcsin(rng.uniform(-1, 1, 60))])
+    edge = np.array([(-np.pi, 0.3), (np.pi, 0.3), (0, np.pi / 2), (0, -np.pi / 2), (0, 0)])
+    return np.concatenate([lon, edge[:, 0]]), np.concatenate([lat, edge[:, 1]])
+
+
+def test_heights_are_those_of_a_search_through_all_triangles(
+    nested_folder: Path, rng: np.random.Generator
+) -> None:
+    lon, lat = some_places(nested_folder, rng)
+    with Store(nested_folder / "world.geopage") as store:
+        surface = Surface(store)
+        rows = surface.rows(lon, lat)
+        expected = [
+            searched_m(store, surface, *one) for one in zip(rows, lon, lat, strict=True)
+        ]
+        assert np.abs(surface.heights(lon, lat)[0] - expected).max() < 1e-6
+
+
+def test_rows_are_the_cells_that_hold_the_places(
+    nested_folder: Path, rng: np.random.Generator
+) -> None:
+    lon, lat = some_places(nested_folder, rng)
+    with Store(nested_folder / "world.geopage") as store:
+        surface = Surface(store)
+    rows = surface.rows(lon, lat)
+    assert (surface.forest.records["children"][rows] == 0).all()
+    place = cells.cell_at(lon, lat, cells.MAX_LEVEL)
+    assert cells.contains(surface.forest.records["cell"][rows], place).all()
+    with pytest.raises(ValueError, match="not a finite"):
+        surface.rows(np.array([np.nan]), np.zeros(1))
+
+
+def test_heights_at_a_level_are_those_of_its_tiles_or_of_leaves_above(
+    nested_folder: Path, rng: np.random.Generator
+) -> None:
+    lon, lat = some_places(nested_folder, rng)
+    with Store(nested_folder / "world.geopage") as store:
+        surface = Surface(store)
+        records = surface.forest.records
+        leaf = cells.level(records["cell"][surface.rows(lon, lat)])
+        for level in (0, 3, int(leaf.max()), cells.MAX_LEVEL):
+            cell = cells.cell_at(lon, lat, np.minimum(leaf, level))
+            rows = surface.forest.row_of(cell)
+            height, error = surface.heights_at_level(lon, lat, level)
+            assert error.tolist() == records["error_m"][rows].tolist()
+            expected = [
+                searched_m(store, surface, *one)
+                for one in zip(rows[::7], lon[::7], lat[::7], strict=True)
+            ]
+            assert np.abs(height[::7] - expected).max() < 1e-6
+
+
+def test_the_lowest_coarser_terrain_is_that_of_the_tiles_within_the_error(
+    nested_folder: Path, rng: np.random.Generator
+) -> None:
+    lon, lat = some_places(nested_folder, rng)
+    within = np.where(np.arange(len(lon)) % 3 > 0, 10 ** rng.uniform(2, 5, len(lon)), 0)
+    with Store(nested_folder / "world.geopage") as store:
+        surface = Surface(store)
+        expected = np.full(len(lon), np.inf)
+        for level in range(cells.MAX_LEVEL):
+            rows = surface.rows(lon, lat)
+            leaf = cells.level(surface.forest.records["cell"][rows])
+            above = surface.forest.row_of(cells.cell_at(lon, lat, np.minimum(level, leaf)))
+            height = surface.heights_at_level(lon, lat, level)[0]
+            counts = (level < leaf) & (surface.selected_m[above] <= within)
+            expected = np.where(counts, np.minimum(expected, height), expected)
+        assert surface.lowest(lon, lat, within).tolist() == expected.tolist()
+    assert 0.1 < np.isfinite(expected).mean() < 0.9
+
+
 def test_a_store_without_terrain_answers_zero_with_an_infinite_error(
     tmp_path: Path,
 ) -> None:
     Writer(tmp_path / "empty.geopage").close()
     with Store(tmp_path / "empty.geopage") as store:
-        height, error = Surface(store).heights(np.zeros(2), np.zeros(2))
-    assert height.tolist() == [0, 0]
-    assert np.isinf(error).all()
+        surface = Surface(store)
+        height, error = surface.heights(np.zeros(2), np.zeros(2))
+        low = surface.lowest(np.zeros(2), np.zeros(2), np.full(2, np.inf))
+        at_level = surface.heights_at_level(np.zeros(2), np.zeros(2), 3)
+    assert height.tolist() == [0, 0] == at_level[0].tolist()
+    assert np.isinf([*error, *low, *at_level[1]]).all()
 
 
 def test_a_changed_tile_is_refused(nested_folder: Path, tmp_path: Path) -> None:

@@ -41,10 +41,8 @@ def test_the_finest_source_with_data_wins(
     assert without_data.sum() > 5
     with Store(nested_folder / "world.geopage") as store:
         winners = Winners(store)
-        found = [
-            winners.at(*np.radians(one)).source for one in zip(*everywhere, strict=True)
-        ]
-        assert winners.at(0.0, 0.0) == (None, False)
+        found = [one.source for one in winners.at(*np.radians(everywhere))]
+        assert winners.at(np.zeros(1), np.zeros(1)) == [(None, False)]
     assert found == np.where(fine, "inset", "coarse").tolist()
 
 
@@ -56,9 +54,7 @@ def test_feathered_is_what_lies_within_reach_of_finer_posts(
     with Store(nested_folder / "world.geopage") as store:
         inset = next(s for s in store.sources() if s["name"] == "inset")
         winners = Winners(store)
-        found = [
-            winners.at(*np.radians(one)).feathered for one in zip(*everywhere, strict=True)
-        ]
+        found = [one.feathered for one in winners.at(*np.radians(everywhere))]
     posts = to_ecef(*Placement(inset).places(col.astype(float), row.astype(float)), 0.0)
     places = to_ecef(*np.radians(everywhere), 0.0)
     away = np.array([np.linalg.norm(posts - one, axis=1).min() for one in places])
@@ -82,7 +78,8 @@ def test_of_two_alike_the_later_one_wins(tmp_path: Path) -> None:
     ellipsoid = RasterOptions(datum="ellipsoid")
     ingest_rasters(tmp_path / "w.geopage", [(f, ellipsoid) for f in files], workers=1)
     with Store(tmp_path / "w.geopage") as store:
-        assert Winners(store).at(*np.radians((11.045, 45.955))).source == "other"
+        place = np.radians([[11.045], [45.955]])
+        assert [one.source for one in Winners(store).at(*place)] == ["other"]
 
 
 def test_a_sample_names_the_winner(nested_folder: Path) -> None:

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One tile's surface with its triangles sorted into squares: heights of many places.
+
+A place is only tried against the triangles whose box meets its square, in their order
+in the tile: the first that holds it, as in a search through all of them, or the nearest
+where rounding leaves none.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tiles import cells
+from tiles.frames import WGS84_A_M, WGS84_B_M, WGS84_E2, Floats, Ints
+from tiles.kernels import inlined, kernel
+from tiles.mesh import UV_ONE
+from tiles.terrain import TerrainTile
+
+TRIANGLES_PER_SQUARE = 2.0
+MOST_SQUARES = 128
+"""Along an edge of the cell."""
+AMISS = -1e-9
+"""A place this far outside of all triangles of its square is looked for in all."""
+_TURNS = 2  # of Bowring's iteration: float64's rounding is reached, see tiles.geodesy
+
+
+class Patch(NamedTuple):
+    """A tile's surface, skirts left out."""
+
+    bounds: Floats
+    """(4,) west, south, east, north, rad"""
+    centre: Floats
+    """(3,) ECEF m"""
+    uv: Floats
+    """(v, 2) west to east and south to north, 0 to 1"""
+    local: Floats
+    """(v, 3) m around the centre"""
+    triangles: NDArray[np.uint16]
+    """(t, 3)"""
+    side: int
+    """squares along an edge of the cell"""
+    start: Ints
+    """(side * side + 1,) where each square's triangles begin in `items`"""
+    items: NDArray[np.int32]
+
+
+def patch_of(tile: TerrainTile) -> Patch:
+    """Sort a tile's surface triangles into squares."""
+    triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
+    uv = tile.mesh.vertices["detail"].astype(np.float64) / UV_ONE
+    wanted = math.ceil(math.sqrt(len(triangles) / TRIANGLES_PER_SQUARE))
+    side = min(max(wanted, 1), MOST_SQUARES)
+    start, items = _sorted(triangles, uv, side)
+    bounds = np.array([float(edge) for edge in cells.bounds_rad(tile.cell)])
+    local = np.ascontiguousarray(tile.mesh.local)
+    return Patch(bounds, tile.mesh.centre, uv, local, triangles, side, start, items)
+
+
+@kernel
+def _sorted(
+    triangles: NDArray[np.uint16], uv: Floats, side: int
+) -> tuple[Ints, NDArray[np.int32]]:
+    """Count, then fill; each square's triangles stay in their order."""
+    start = np.zeros(side * side + 1, np.int64)
+    for t in range(len(triangles)):
+        west, south, east, north = _squares(triangles, uv, side, t)
+        for row in range(south, north + 1):
+            for column in range(west, east + 1):
+                start[row * side + column + 1] += 1
+    start = np.cumsum(start)
+    place, items = start[:-1].copy(), np.empty(start[-1], np.int32)
+    for t in range(len(triangles)):
+        west, south, east, north = _squares(triangles, uv, side, t)
+        for row in range(south, north + 1):
+            for column in range(west, east + 1):
+                items[place[row * side + column]] = t
+                place[row * side + column] += 1
+    return start, items
+
+
+@inlined
+def _squares(
+    triangles: NDArray[np.uint16], uv: Floats, side: int, t: int
+) -> tuple[int, int, int, int]:
+    a, b, c = triangles[t]
+    return (
+        _square(min(uv[a, 0], uv[b, 0], uv[c, 0]), side),
+        _square(min(uv[a, 1], uv[b, 1], uv[c, 1]), side),
+        _square(max(uv[a, 0], uv[b, 0], uv[c, 0]), side),
+        _square(max(uv[a, 1], uv[b, 1], uv[c, 1]), side),
+    )
+
+
+@inlined
+def _square(at: float, side: int) -> int:
+    return int(min(max(at * side, 0.0), side - 1.0))
+
+
+@kernel
+def heights_on(patch: Patch, lon_rad: Floats, lat_rad: Floats, height_m: Floats) -> None:
+    """Write the heights of (n,) places of the tile's cell above the ellipsoid, m."""
+    west, south, east, north = patch.bounds
+    local, centre = patch.local, patch.centre
+    every = np.arange(len(patch.triangles)).astype(np.int32)
+    for i in range(len(lon_rad)):
+        lon = lon_rad[i]
+        away = lon - (west + east) / 2
+        if abs(away) > math.pi:
+            lon -= 2 * math.pi * math.copysign(1.0, away)
+        x, y = (lon - west) / (east - west), (lat_rad[i] - south) / (north - south)
+        square = _square(y, patch.side) * patch.side + _square(x, patch.side)
+        near = patch.items[patch.start[square] : patch.start[square + 1]]
+        best, a, b, c, wa, wb, wc = _search(patch.triangles, patch.uv, near, x, y)
+        if best < AMISS:
+            _, a, b, c, wa, wb, wc = _search(patch.triangles, patch.uv, every, x, y)
+        height_m[i] = _height_m(
+            wa * local[a, 0] + wb * local[b, 0] + wc * local[c, 0] + centre[0],
+            wa * local[a, 1] + wb * local[b, 1] + wc * local[c, 1] + centre[1],
+            wa * local[a, 2] + wb * local[b, 2] + wc * local[c, 2] + centre[2],
+        )
+
+
+@kernel
+def _search(
+    triangles: NDArray[np.uint16], uv: Floats, among: NDArray[np.int32], x: float, y: float
+) -> tuple[float, int, int, int, float, float, float]:
+    """Return how far inside a place is, its triangle's corners and their weights."""
+    best, found, wa, wb, wc = -np.inf, 0, 1.0, 0.0, 0.0
+    for t in among:
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ax, ay = uv[a, 0] - x, uv[a, 1] - y
+        bx, by = uv[b, 0] - x, uv[b, 1] - y
+        cx, cy = uv[c, 0] - x, uv[c, 1] - y
+        w0, w1, w2 = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
+        area = w0 + w1 + w2
+        if area <= 0.0:
+            continue
+        inside = min(w0, w1, w2) / area
+        if inside > best:
+            best, found, wa, wb, wc = inside, t, w0 / area, w1 / area, w2 / area
+            if inside >= 0.0:
+                break
+    a, b, c = triangles[found, 0], triangles[found, 1], triangles[found, 2]
+    return best, a, b, c, wa, wb, wc
+
+
+@inlined
+def _height_m(x: float, y: float, z: float) -> float:
+    """Return the height of an ECEF point, as `geodesy.to_geodetic` does."""
+    axis = math.sqrt(x * x + y * y)
+    up, out = z * WGS84_A_M, axis * WGS84_B_M
+    for _ in range(_TURNS):
+        length = math.sqrt(up * up + out * out)
+        sine, cosine = up / length, out / length
+        up = (z + WGS84_E2 * WGS84_A_M**2 / WGS84_B_M * sine**3) * WGS84_B_M
+        out = (axis - WGS84_E2 * WGS84_A_M * cosine**3) * WGS84_A_M
+    up, out = up / WGS84_B_M, out / WGS84_A_M
+    length = math.sqrt(up * up + out * out)
+    sine, cosine = up / length, out / length
+    height = axis * cosine + z * sine
+    return height - WGS84_A_M * math.sqrt(1.0 - WGS84_E2 * sine**2)
