@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How high a building is: from an attribute, from its levels, or a stated default."""
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,14 +22,16 @@ MAX_LEVELS = 300.0
 HEIGHT_NAMES = (
     "height", "render_height", "building:height", "building_height", "est_height",
     "measuredheight", "measured_height", "height_m", "hoehe", "hauteur", "altura",
-    "roof_height", "bldg_height", "hgt_median",
+    "bldg_height", "building_h", "hgt_median", "hgt_median_m", "gebaeudehoehe",
 )  # fmt: skip
 LEVEL_NAMES = (
     "building:levels", "building_levels", "levels", "num_floors", "floors", "storeys",
     "stories", "storeysaboveground", "numfloors", "nb_etages",
+    "numberoffloorsaboveground", "nombre_d_etages",
 )  # fmt: skip
 BASE_NAMES = ("min_height", "render_min_height", "building:min_height", "base_height")
-BASE_LEVEL_NAMES = ("building:min_level", "min_level")
+BASE_LEVEL_NAMES = ("building:min_level", "min_level", "min_floor")
+USUAL_NAMES = frozenset((*HEIGHT_NAMES, *LEVEL_NAMES, *BASE_NAMES, *BASE_LEVEL_NAMES))
 _NUMBER = r"([-+]?\d+(?:[.,]\d+)?)"
 _VALUE = re.compile(
     rf"^\s*(?:~|≈|ca?\.?|about)?\s*{_NUMBER}\s*(m|met(?:er|re)s?|mt|ft|feet|foot|')?\.?\s*"
@@ -161,10 +164,17 @@ def numbers_of(values: NDArray[Any], unit_m: float) -> tuple[Floats, NDArray[np.
     if values.dtype.kind in "iuf":
         numbers = values.astype(np.float64) * unit_m
         return numbers, ~np.isnan(numbers)
-    known = {value: _parsed(value, unit_m) for value in set(values.tolist())}
-    numbers = np.array([known[value] for value in values.tolist()], np.float64)
-    given = np.array([value is not None and value != "" for value in values.tolist()], bool)
+    # A list can't be looked up, and True is not to be found as 1.
+    keys = [(type(v), v if isinstance(v, Hashable) else str(v)) for v in values.tolist()]
+    known = {key: _parsed(key[1], unit_m) for key in set(keys)}
+    numbers = np.array([known[key] for key in keys], np.float64)
+    given = np.array([_is_given(value) for _, value in keys], bool)
     return numbers, given
+
+
+def _is_given(value: object) -> bool:
+    empty = isinstance(value, float) and math.isnan(value)
+    return not (value is None or value == "" or empty)
 
 
 def _parsed(value: object, unit_m: float) -> float:

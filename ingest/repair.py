@@ -11,13 +11,16 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ingest.footprints import Geometries, outside_world
+from ingest.antimeridian import unwrapped
+from ingest.degrees import outside_world
+from ingest.raw_features import Geometries
 from tiles.frames import WGS84_A_M, WGS84_E2, Floats
 
 MIN_AREA_M2 = 0.5
 MAX_WIDTH_M = 5000.0
 MAX_VERTICES = 4000
 """More than this is simplified: 16-bit indices end at 65,535 vertices, 5 per corner."""
+MAX_SPAN_DEG = 180.0
 _TOLERANCES_DEG = 1e-6 * 2.0 ** np.arange(8)
 """From about 0.1 m to 14 m."""
 _POLYGON, _MULTIPOLYGON, _COLLECTION = 3, 6, 7
@@ -28,7 +31,8 @@ class Repaired:
     """Usable polygons and what became of every feature."""
 
     polygon: Geometries
-    """(n,) 2-D Polygon or MultiPolygon, degrees, shells anticlockwise; None: skipped"""
+    """(n,) 2-D Polygon or MultiPolygon, degrees, shells anticlockwise; None: skipped.
+    Longitudes run past +-180 where a footprint lies astride it."""
     was_repaired: NDArray[np.bool_]
     """(n,) usable, but not as it came"""
     reason: NDArray[np.object_]
@@ -73,7 +77,9 @@ def repair(geometry: Geometries) -> Repaired:
     polygonal = np.isin(kind, (_POLYGON, _MULTIPOLYGON, _COLLECTION))
     _mark(reason, ~polygonal, "not a polygon")
     _mark(reason, _not_finite(polygon), "coordinates that are no finite numbers")
-    _mark(reason, outside_world(polygon), "outside longitude +-180, latitude +-90")
+    _mark(reason, outside_world(polygon), "outside longitude +-360, latitude +-90")
+    polygon, joined = unwrapped(_only(polygon, reason == ""))
+    _mark(reason, _span_deg(polygon) > MAX_SPAN_DEG, "around a pole, or half the earth")
     polygon = _only(polygon, reason == "")
 
     broken = (reason == "") & (~shapely.is_valid(polygon) | (kind == _COLLECTION))
@@ -87,7 +93,7 @@ def repair(geometry: Geometries) -> Repaired:
     width = np.fmax(*size_m(polygon))
     _mark(reason, width > MAX_WIDTH_M, f"wider than {MAX_WIDTH_M / 1000:.0f} km")
     polygon = _only(polygon, reason == "")
-    return Repaired(_tidied(polygon), (reason == "") & (broken | heavy), reason)
+    return Repaired(_tidied(polygon), (reason == "") & (broken | heavy | joined), reason)
 
 
 def _mark(reason: NDArray[np.object_], where: NDArray[np.bool_], text: str) -> None:
@@ -100,6 +106,11 @@ def _only(polygon: Geometries, where: NDArray[np.bool_]) -> Geometries:
     return kept
 
 
+def _span_deg(polygon: Geometries) -> Floats:
+    bounds = shapely.bounds(polygon)
+    return np.asarray(bounds[:, 2] - bounds[:, 0])
+
+
 def _not_finite(geometry: Geometries) -> NDArray[np.bool_]:
     coordinates, owner = shapely.get_coordinates(geometry, return_index=True)
     bad = np.zeros(len(geometry), bool)
@@ -109,8 +120,31 @@ def _not_finite(geometry: Geometries) -> NDArray[np.bool_]:
 
 def _mended(geometry: Geometries) -> Geometries:
     """Repair, and keep only what has an area."""
-    valid = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
-    return _area_parts(valid)
+    mended = _area_parts(_valid(geometry))
+    for place, shape in enumerate(geometry):
+        if any(len(part.interiors) for part in _polygons(shape)):
+            mended[place] = _with_holes(shape)
+    return mended
+
+
+def _valid(geometry: Geometries) -> Geometries:
+    made = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
+    return np.asarray(made, object)
+
+
+def _polygons(shape: shapely.Geometry) -> Geometries:
+    parts = _flat(shape)
+    return np.asarray(parts[shapely.get_type_id(parts) == _POLYGON], object)
+
+
+def _with_holes(shape: shapely.Geometry) -> shapely.Geometry | None:
+    """Take the holes out of the shells: one outside its shell is no building."""
+    made = []
+    for part in _polygons(shape):
+        rings = _valid(shapely.polygons(shapely.get_rings(part)))
+        made.append(shapely.difference(rings[0], shapely.union_all(rings[1:])))
+    body = _area_parts(np.array([shapely.union_all(made)], object))[0]
+    return None if body is None or body.is_empty else body
 
 
 def _area_parts(geometry: Geometries) -> Geometries:

@@ -13,7 +13,8 @@ import pyproj
 import pytest
 import shapely
 
-from ingest.footprints import read_footprints
+from ingest.footprints import read_parts
+from tests.ingest.reading import read_footprints
 from tiles.errors import InputError
 
 HOUSES = [
@@ -101,18 +102,95 @@ def test_a_file_without_crs_needs_one(tmp_path: Path) -> None:
         read_footprints(path, crs="EPSG:nonsense")
 
 
+@pytest.mark.parametrize("driver", SUFFIX)
+def test_parts_of_a_file_are_the_file(tmp_path: Path, driver: str) -> None:
+    shapes = [shapely.box(7 + k / 1000, 43, 7.0005 + k / 1000, 43.0005) for k in range(23)]
+    path = write(tmp_path / f"row{SUFFIX[driver]}", shapes, driver)
+    parts = list(read_parts(path, at_most=5))
+    assert [len(part.feature) for part in parts] == [5, 5, 5, 5, 3]
+    whole = read_footprints(path)
+    assert np.concatenate([part.feature for part in parts]).tolist() == list(whole.feature)
+    heights = np.concatenate([part.columns["height"] for part in parts])
+    assert sorted(heights.tolist()) == [k + 3.5 for k in range(23)]
+    order = np.argsort(heights)
+    west = np.concatenate([shapely.bounds(part.geometry)[:, 0] for part in parts])[order]
+    np.testing.assert_allclose(west, 7 + np.arange(23) / 1000, atol=1e-9)
+
+
+def test_a_field_of_the_first_part_is_in_every_part(tmp_path: Path) -> None:
+    features = [
+        {"type": "Feature", "properties": {name: 5}, "geometry": SQUARE}
+        for name in ("height", "name", "floors")
+    ]
+    path = tmp_path / "sparse.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    found = [part.columns for part in read_parts(path, at_most=1)]
+    assert [list(columns) for columns in found] == [
+        ["height"],
+        ["name", "height"],
+        ["floors", "height", "name"],
+    ]
+    assert found[2]["height"].tolist() == [None]
+
+
+def test_a_layer_called_buildings_is_taken_before_others(tmp_path: Path) -> None:
+    path = tmp_path / "town.gpkg"
+    write(path, HOUSES, "GPKG", layer="restaurants")
+    write(path, HOUSES, "GPKG", layer="Buildings_2020", append=True)
+    assert read_footprints(path).layer == "Buildings_2020"
+
+
+def test_a_city_model_is_left_to_its_own_reader(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text('{"type": "CityJSON", "version": "2.0", "CityObjects": {}}')
+    with pytest.raises(InputError, match=r"model\.json: ") as caught:
+        read_footprints(path)
+    assert "not GeoJSON" not in str(caught.value)
+
+
+def test_heights_of_corners_are_dropped_with_a_word(tmp_path: Path) -> None:
+    high = [shapely.force_3d(house, 12.0) for house in HOUSES]
+    for driver in ("GPKG", "GeoJSON"):
+        path = tmp_path / f"high{SUFFIX[driver]}"
+        write(path, high, driver, geometry_type="Polygon Z")
+        read = read_footprints(path)
+        assert not shapely.has_z(read.geometry).any()
+        assert read.geometry[0].normalize().equals_exact(HOUSES[0].normalize(), 1e-7)
+        assert "heights in the coordinates" in read.warnings[0]
+
+
+def test_text_that_is_no_utf8_is_read_with_a_word(tmp_path: Path) -> None:
+    path = write(tmp_path / "old.shp", HOUSES, "ESRI Shapefile", encoding="ISO-8859-1")
+    words = np.array(["Caf\u00e9", "x"], object)
+    pyogrio.raw.write(
+        path,
+        shapely.to_wkb(np.array(HOUSES, object)),
+        [words],
+        ["name"],
+        driver="ESRI Shapefile",
+        geometry_type="Polygon",
+        crs="EPSG:4326",
+        encoding="ISO-8859-1",
+    )
+    assert read_footprints(path).columns["name"].tolist() == ["Caf\u00e9", "x"]
+    path.with_suffix(".cpg").write_text("UTF-8")
+    read = read_footprints(path)
+    assert read.columns["name"].tolist() == ["Caf\u00e9", "x"]
+    assert "ISO-8859-1" in read.warnings[0]
+
+
 def test_the_first_polygon_layer_is_taken_and_an_unknown_one_named(tmp_path: Path) -> None:
     path = tmp_path / "layers.gpkg"
     points = [shapely.Point(7.4, 43.7)]
     write(path, points, "GPKG", layer="trees", geometry_type="Point")
-    write(path, HOUSES, "GPKG", layer="houses", append=True)
+    write(path, HOUSES, "GPKG", layer="huts", append=True)
     write(path, HOUSES[:1], "GPKG", layer="sheds", append=True)
     read = read_footprints(path)
-    assert (read.layer, len(read.geometry)) == ("houses", 2)
+    assert (read.layer, len(read.geometry)) == ("huts", 2)
     assert "sheds" in read.warnings[0]
     assert read_footprints(path, layer="sheds").layer == "sheds"
     with pytest.raises(
-        InputError, match="no layer named roads; the layers are: trees, hous"
+        InputError, match="no layer named roads; the layers are: trees, huts"
     ):
         read_footprints(path, layer="roads")
     with pytest.raises(InputError, match="a vector without polygons"):
@@ -134,7 +212,7 @@ BAD = {
         "without polygons",
     ),
     "cut.geojson.gz": (gzip.compress(WHOLE)[:-40], "can't be read"),
-    "csv.gz": (gzip.compress(b"a,b\n1,2\n"), "gzip of something else"),
+    "csv.gz": (gzip.compress(b"a,b\n1,2\n"), "gzip of what is not a GeoPackage"),
     "fake.gpkg": (b"SQLite format 3\0" + bytes(84), "not a GeoPackage"),
     "cut.fgb": (b"fgb\x03fgb\x01" + bytes(40), "can't be read"),
     "disguised.geojson": (
@@ -162,5 +240,5 @@ def test_a_missing_file_and_a_zip_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "shapes.gpkg"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("a.txt", "x")
-    with pytest.raises(InputError, match="a ZIP file; unpack it"):
+    with pytest.raises(InputError, match="a ZIP file without a vector file"):
         read_footprints(path)

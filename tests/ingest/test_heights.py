@@ -68,6 +68,26 @@ def test_numbers_of_every_type_and_missing_ones_are_told_apart() -> None:
     assert find({"HEIGHT": np.array([9], np.int32)})[0] == [9.0]
 
 
+def test_a_height_of_the_roof_alone_is_no_height_of_the_building() -> None:
+    top, how = find({"roof_height": column("3"), "num_floors": column("4")})
+    assert top == [12.0]
+    assert how["from_levels"] == 1
+
+
+def test_usual_names_hold_in_any_case() -> None:
+    assert find({"Building:Levels": column("2")})[0] == [6.0]
+    assert find({"measuredHeight": column("7.5")})[0] == [7.5]
+    found = heights_of("x", {"height": column(9), "min_floor": column(1)}, 1, HeightRules())
+    assert found.foot_m.tolist() == [3.0]
+
+
+def test_a_value_that_is_no_number_type_is_counted_and_none_is_not() -> None:
+    values = ([12], {"m": 3}, float("nan"), "", None, 1, True)
+    top, how = find({"height": column(*values)})
+    assert top == [6, 6, 6, 6, 6, 1, 6]
+    assert how["unreadable_value"] == 3
+
+
 def test_feet_hold_for_bare_numbers_and_not_for_levels() -> None:
     columns = {"height": column("100", "10 m", None), "floors": column(None, None, "2")}
     assert find(columns, units="ft")[0] == pytest.approx([30.48, 10, 6])

@@ -47,7 +47,17 @@ def test_a_spike_across_itself_and_a_hole_outside_are_repaired() -> None:
     assert found.reason.tolist() == ["", ""]
     assert found.was_repaired.all()
     assert shapely.is_valid(found.polygon).all()
-    assert area_m2(found.polygon)[0] == pytest.approx(400, rel=0.01)
+    assert area_m2(found.polygon) == pytest.approx([400, 400], rel=0.01)
+
+
+def test_holes_that_cross_their_shell_or_each_other_are_taken_out_of_it() -> None:
+    across = near((10, -5), (30, -5), (30, 25), (10, 25))
+    twice = shapely.Polygon(SQUARE, [across, near((5, 5), (15, 5), (15, 15), (5, 15))])
+    all_of_it = shapely.Polygon(SQUARE, [SQUARE])
+    apart = shapely.MultiPolygon([twice, shapely.Polygon(near((50, 0), (60, 0), (60, 10)))])
+    found = repair(shapes(twice, all_of_it, apart))
+    assert found.reason.tolist() == ["", "no area left after repair", ""]
+    assert area_m2(found.polygon)[[0, 2]] == pytest.approx([150, 200], rel=0.01)
 
 
 def test_the_polygons_of_a_collection_are_kept_as_one_object() -> None:
@@ -83,10 +93,7 @@ def test_a_valid_polygon_is_not_called_repaired_and_loses_its_third_coordinate()
             odd(np.inf),
             "coordinates that are no finite numbers",
         ),
-        (
-            shapely.box(179.9999, 0, 180.0001, 0.0001),
-            "outside longitude +-180, latitude +-90",
-        ),
+        (shapely.box(10, 90, 10.0001, 90.0001), "outside longitude +-360, latitude +-90"),
         (shapely.Polygon(near((0, 0), (20, 0), (40, 0))), "no area left after repair"),
         (shapely.Polygon(near((0, 0), (0.5, 0), (0.5, 0.5))), "smaller than 0.5 m2"),
         (shapely.box(10, 0, 10.05, 0.001), "wider than 5 km"),
