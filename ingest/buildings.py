@@ -1,35 +1,53 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`geopage ingest buildings`: plan (read and check all files), build, write.
+"""`geopage ingest buildings`: files are streamed in, then all tiles are made anew.
 
-Nothing is written before every file was read, and everything is written in one
-transaction: a crash leaves the store as it was.
+Everything is written in one transaction: whatever goes wrong, the store is as it was,
+and who reads it sees the old city until the new one is whole.
 """
 
-import time
-from collections.abc import Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ingest.feature_report import write_feature_report
-from ingest.features import Features, joined_reports, read_features
-from ingest.grounding import Ground, Grounding, ellipsoid, ground_objects
-from ingest.heights import HeightRules
-from ingest.object_pyramid import Buildings, Pyramid, build_pyramid, dimensions_m
-from ingest.object_table import NewObjects, insert_objects, read_objects, update_places
-from ingest.raster_copy import Progress
-from ingest.terrain import editing, silent
+from ingest.clock import Clock
+from ingest.feature_report import FeatureReport
+from ingest.features import Features, features_of, packed
+from ingest.footprints import Footprints, read_parts
+from ingest.grounding import Ground
+from ingest.heights import HeightRules, heights_of
+from ingest.intake import Intake, joined_reports
+from ingest.object_build import FEW_OBJECTS, Rebuilt, rebuild_objects
+from ingest.object_table import highest_id
+from ingest.progress import Progress, silent
+from ingest.synthetic import replicated
+from ingest.terrain import editing
+from ingest.workers import Workers
 from tiles.errors import InputError
-from tiles.frames import Ints
-from tiles.lanes import Lane
-from tiles.store import Store
-from tiles.surface import Surface
 from tiles.writer import Writer
 
+__all__ = [
+    "BuildingOptions",
+    "Rebuilt",
+    "check_buildings",
+    "ingest_buildings",
+    "ingest_parts",
+    "ingest_synthetic",
+    "rebuild_objects",
+    "remove_buildings",
+]
 KIND = "buildings"
+CACHE_KIB = 64 << 10
+PART_FEATURES = 25_000
+"""Features that are read, repaired and stored at once."""
+Unreadable = tuple[tuple[int, str], ...]
+Parts = Callable[[], Iterator[Footprints]]
+"""Reads a file, or makes features, from the start"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,15 +61,8 @@ class BuildingOptions:
     heights: HeightRules = field(default_factory=HeightRules)
     report: Path | None = None
     """GeoPackage to write with skipped, repaired, floating and sunk features"""
-
-
-@dataclass(frozen=True, slots=True)
-class Rebuilt:
-    """The objects lane after it was built again."""
-
-    report: dict[str, Any]
-    noted: dict[str, Ints]
-    """ids of objects that float and that are sunk"""
+    workers: int = 0
+    """processes for a large city; 0 for one per core"""
 
 
 def ingest_buildings(
@@ -76,67 +87,80 @@ def ingest_buildings(
     Raises
     ------
     InputError
-        Before anything is written.
+        The store is as it was then.
     """
-    clock = _Clock()
-    _check_report_path(options.report)
-    features = _plan(paths, options, progress)
-    clock.lap("read")
-    with editing(store) as writer:
-        _check_names(writer, features)
-        with writer.transaction():
-            ids = {name: _store(writer, name, one) for name, one in features.items()}
-            clock.lap("store")
-            rebuilt = rebuild_objects(writer, ground or ground_of(writer), progress)
-            clock.lap("build")
-            report = _report(features, rebuilt)
-            for name, one in features.items():
-                writer.put_source(name, KIND, one.details())
-        clock.lap("commit")
-    if options.report is not None:
-        write_feature_report(options.report, features, ids, rebuilt.noted)
-    report["seconds"], report["stages_s"] = clock.total, clock.laps
-    return report
+    sources: dict[str, list[Parts]] = {}
+    for path in paths:
+        name = options.name or Path(path).name.split(".")[0]
+        sources.setdefault(name, []).append(_reader(path, options))
+    return ingest_parts(store, sources, options, progress, ground)
 
 
-def rebuild_objects(
-    writer: Writer, ground: Ground | None, progress: Progress = silent
-) -> Rebuilt:
-    """Ground all objects of a store again and make all object tiles anew.
+def ingest_parts(
+    store: str | Path,
+    sources: dict[str, list[Parts]],
+    options: BuildingOptions,
+    progress: Progress = silent,
+    ground: Ground | None = None,
+    details: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Put sources of buildings into a store, each read in parts.
 
-    Joins the caller's transaction, or makes its own. Without `ground` the objects
-    stand on the ellipsoid, and the report warns of it.
+    Parameters
+    ----------
+    sources : by name, what to read
+    details : what the store is to remember about the sources besides
     """
-    rows = read_objects(writer)
-    place = ground_objects(rows.polygon, ground or ellipsoid)
-    progress(1, 1, "grounded")
-    base_m = place.low_m + rows.raised_m
-    dimension_m = dimensions_m(rows.polygon, rows.height_m)
-    pyramid = build_pyramid(
-        Buildings(
-            rows.id,
-            rows.polygon,
-            place.foot_m(rows.raised_m),
-            place.low_m,
-            base_m + rows.height_m,
-            dimension_m,
-        ),
-        progress,
-    )
-    inside = writer.connection.in_transaction
-    with nullcontext() if inside else writer.transaction():
-        update_places(writer, rows, pyramid.cell, base_m, dimension_m)
-        numbers = writer.add_tiles(Lane.OBJECTS, pyramid.tiles)
-        writer.replace_index(Lane.OBJECTS, pyramid.named(numbers))
-    noted = {
-        "floating": rows.id[place.floating(rows.raised_m)],
-        "sunk": rows.id[place.sunk(rows.raised_m + rows.height_m)],
-    }
-    report = _lane_report(pyramid, place, len(rows.id))
-    report |= {remark: len(ids) for remark, ids in noted.items()}
-    if ground is None and len(rows.id):
-        report["warnings"] = ["no terrain: buildings stand on the ellipsoid at height 0"]
-    return Rebuilt(report, noted)
+    clock = Clock()
+    with ExitStack() as stack:
+        enter = stack.enter_context
+        look = enter(FeatureReport(options.report)) if options.report else None
+        writer = enter(editing(store))
+        pool = enter(Workers(options.workers, str(store)))
+        # One transaction is larger than SQLite's own cache, and its rows are read again.
+        writer.connection.execute(f"PRAGMA cache_size=-{CACHE_KIB}")
+        enter(writer.transaction())
+        _check_names(writer, sources)
+        taken = _taken(writer, sources, options, look, pool, progress)
+        clock.lap("read and store")
+        rebuilt = rebuild_objects(writer, ground, progress, pool, clock)
+        for intake in taken:
+            for remark, ids in rebuilt.noted.items():
+                intake.note(ids, remark)
+            writer.put_source(intake.name, KIND, intake.details() | (details or {}))
+        report = _report(taken, rebuilt)
+    clock.lap("commit")
+    return report | _rates(clock, report)
+
+
+def ingest_synthetic(
+    store: str | Path,
+    path: Path,
+    count: int,
+    options: BuildingOptions,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Put copies of a file's buildings into a store, on land around where they are."""
+    name = options.name or f"synthetic_{path.name.split('.')[0]}"
+
+    def read() -> Iterator[Footprints]:
+        return replicated(path, Path(store), count, options.layer, options.crs)
+
+    details = {"synthetic": f"replicated from {path.name}"}
+    return ingest_parts(store, {name: [read]}, options, progress, details=details)
+
+
+def check_buildings(paths: Iterable[str | Path], options: BuildingOptions) -> None:
+    """Read the beginning of files, so that what can't be used is refused at once.
+
+    Raises
+    ------
+    InputError
+    """
+    for path in paths:
+        # That there is no polygon, a reader says after the last part.
+        for part in islice(_with_fields(_reader(path, options)(), options.heights), 2):
+            heights_of(path, part.columns, len(part.feature), options.heights)
 
 
 def remove_buildings(
@@ -145,88 +169,88 @@ def remove_buildings(
     """Take a building source out and make the object tiles again without it."""
     with Writer(store) as writer, writer.transaction():
         writer.drop_source(name)
-        rebuilt = rebuild_objects(writer, ground_of(writer), progress)
+        rebuilt = rebuild_objects(writer, progress=progress)
         return {"removed": name, **rebuilt.report}
 
 
-def ground_of(store: Store) -> Ground | None:
-    """Return the terrain of a store as a function of place, None where it has none."""
-    return Surface(store).heights if len(store.index(Lane.TERRAIN)) else None
+def _reader(path: str | Path, options: BuildingOptions) -> Parts:
+    return lambda: read_parts(path, options.layer, options.crs, PART_FEATURES)
 
 
-def _lane_report(pyramid: Pyramid, place: Grounding, count: int) -> dict[str, Any]:
-    _, held = np.unique(pyramid.cell, return_counts=True)
-    proxied = pyramid.records["proxy_dimension_m"] > 0
-    return {
-        "objects": count,
-        "objects_per_cell": {
-            "median": float(np.median(held)) if count else 0.0,
-            "max": int(held.max(initial=0)),
-        },
-        "cells": len(pyramid.records),
-        "tiles": len(pyramid.tiles),
-        "tile_bytes": int(pyramid.records["tile_bytes"].sum()),
-        "cells_with_proxies_below": int(proxied.sum()),
-        "proxy_error_m": float(pyramid.records["error_m"].max(initial=0.0)),
-        "plinth_max_m": float(place.plinth_m.max(initial=0.0)),
-        "warnings": [],
-    }
+def _taken(
+    writer: Writer,
+    sources: dict[str, list[Parts]],
+    options: BuildingOptions,
+    look: FeatureReport | None,
+    pool: Workers,
+    progress: Progress,
+) -> list[Intake]:
+    """Read all sources and store their objects instead of those of the same names."""
+    taken, first = [], highest_id(writer) + 1
+    for name, readers in sources.items():
+        writer.connection.execute("DELETE FROM object WHERE source=?", (name,))
+        intake = Intake(writer, name, first, look)
+        for read in readers:
+            for features, unreadable in _prepared(read(), options.heights, pool):
+                intake.take(features, unreadable)
+                # How many there will be, no file says before it was read.
+                progress(intake.next_id - first, intake.next_id - first, f"storing {name}")
+        intake.finish()
+        first = intake.next_id
+        taken.append(intake)
+    return taken
 
 
-def _plan(
-    paths: Sequence[str | Path], options: BuildingOptions, progress: Progress
-) -> dict[str, Features]:
-    """Read all files; one source for each name."""
-    found: dict[str, Features] = {}
-    for k, path in enumerate(paths):
-        name = options.name or Path(path).name.split(".")[0]
-        one = read_features(path, options.layer, options.crs, options.heights)
-        found[name] = found[name] + one if name in found else one
-        progress(k + 1, len(paths), f"read {Path(path).name}")
-    return {name: one.merged() for name, one in found.items()}
+def _prepared(
+    parts: Iterator[Footprints], rules: HeightRules, pool: Workers
+) -> Iterator[tuple[Features, Unreadable]]:
+    """Repair what is read of one file; other processes do so where there is much."""
+    unreadable: deque[Unreadable] = deque()
+
+    def jobs(some: Iterable[Footprints]) -> Iterator[tuple[Footprints, HeightRules]]:
+        for part in _with_fields(some, rules):
+            unreadable.append(part.unreadable)
+            yield packed(part), rules
+
+    first, count = [], 0
+    while count < FEW_OBJECTS and (part := next(parts, None)) is not None:
+        first.append(part)
+        count += len(part.feature)
+    all_jobs = jobs(chain(first, parts))
+    few = count < FEW_OBJECTS
+    done = map(features_of, all_jobs) if few else pool.run(features_of, all_jobs)
+    for features in done:
+        yield features, unreadable.popleft()
 
 
-def _check_report_path(report: Path | None) -> None:
-    if report is not None and (report.suffix != ".gpkg" or not report.parent.is_dir()):
-        raise InputError(
-            report, "can't be written", "name a .gpkg file in a folder that exists"
-        )
+def _with_fields(parts: Iterable[Footprints], rules: HeightRules) -> Iterator[Footprints]:
+    """Give parts the fields that heights are to come from, if parts before had them."""
+    seen: set[str] = set()
+    for part in parts:
+        seen |= part.columns.keys() & {rules.height, rules.levels, rules.base}
+        nothing = np.full(len(part.feature), None, object)
+        yield replace(part, columns=dict.fromkeys(seen, nothing) | part.columns)
 
 
-def _check_names(writer: Writer, features: dict[str, Features]) -> None:
+def _check_names(writer: Writer, names: Iterable[str]) -> None:
     kinds = {source["name"]: source["kind"] for source in writer.sources()}
-    for name in features:
+    for name in names:
         if kinds.get(name, KIND) != KIND:
             reason = f"{kinds[name]} source of this name is in the store"
             raise InputError(name, reason, "choose another with --name")
 
 
-def _store(writer: Writer, name: str, features: Features) -> Ints:
-    """Replace a source's objects and return the ids of the kept features."""
-    writer.connection.execute("DELETE FROM object WHERE source=?", (name,))
-    kept = features.kept
-    raised_m = features.raised_m[kept]
-    height_m = features.top_m[kept] - raised_m
-    new = NewObjects(features.polygon[kept], raised_m, height_m, features.attributes())
-    return insert_objects(writer, name, new)
-
-
-def _report(features: dict[str, Features], rebuilt: Rebuilt) -> dict[str, Any]:
-    read = joined_reports(one.report() for one in features.values())
+def _report(taken: Sequence[Intake], rebuilt: Rebuilt) -> dict[str, Any]:
+    read = joined_reports(one.report() for one in taken)
     heard = [*read["warnings"], *rebuilt.report["warnings"]]
-    return {**read, **rebuilt.report, "warnings": heard, "sources": list(features)}
+    names = [one.name for one in taken]
+    return {**read, **rebuilt.report, "warnings": heard, "sources": names}
 
 
-class _Clock:
-    def __init__(self) -> None:
-        self._start = self._last = time.perf_counter()
-        self.laps: dict[str, float] = {}
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.laps[name] = round(now - self._last, 3)
-        self._last = now
-
-    @property
-    def total(self) -> float:
-        return round(time.perf_counter() - self._start, 3)
+def _rates(clock: Clock, report: dict[str, Any]) -> dict[str, Any]:
+    said = clock.report(report["read"])
+    return {
+        "seconds": said["seconds"],
+        "stages_s": said["seconds_by_stage"],
+        "buildings_per_s": said["posts_per_s"],
+    }

@@ -11,26 +11,25 @@ from typing import Any, NoReturn
 
 from tqdm import tqdm
 
-from ingest.buildings import (
-    BuildingOptions,
-    ingest_buildings,
-    rebuild_objects,
-    remove_buildings,
+from ingest.buildings import rebuild_objects, remove_buildings
+from ingest.cli_buildings import (
+    FORMATS,
+    building_arguments,
+    buildings,
+    synthetic,
+    synthetic_arguments,
 )
-from ingest.features import read_features
-from ingest.grounding import Ground
-from ingest.heights import HeightRules
+from ingest.grounding_report import lines
 from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
 from tiles.errors import InputError
 from tiles.lanes import Lane
 from tiles.store import Store
-from tiles.surface import Surface
 
 QUIET_S = 1.0
 """A stage shorter than this shows no bar."""
-UNITS = {"reading": " posts", "meshing": " tiles"}
+UNITS = {"reading": " posts", "meshing": " tiles", "storing": " buildings"}
 """What a stage counts, by its first word."""
 
 
@@ -136,8 +135,11 @@ def show(report: dict[str, Any], *, as_json: bool) -> None:
     for key, value in report.items():
         if key == "sources":
             for source in value:
-                known = source if isinstance(source, dict) else {"name": source}
-                print(f"source {known['name']}: {known.get('datum_here', 'no heights')}")
+                is_raster = isinstance(source, dict)
+                datum = source.get("datum_here", "no heights") if is_raster else "buildings"
+                print(f"source {source['name'] if is_raster else source}: {datum}")
+        elif key == "grounding":
+            print(*lines(value), sep="\n" if lines(value) else "")
         elif isinstance(value, dict) and value:
             listed = ", ".join(f"{name} {one}" for name, one in value.items())
             print(f"{key.replace('_', ' ')}: {listed}")
@@ -179,34 +181,10 @@ def reground(store: Path, bars: Callable[[int, int, str], None]) -> dict[str, An
     with Store(store) as reader:
         if not reader.object_count() and not len(reader.index(Lane.OBJECTS)):
             return {}
-        with editing(store) as writer:
-            rebuilt = rebuild_objects(writer, ground=ground_of(reader), progress=bars)
-    return {"grounded": rebuilt.report["objects"], "floating": rebuilt.report["floating"]}
-
-
-def buildings(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
-    """Ingest footprints."""
-    rules = HeightRules(
-        given.height, given.levels, given.base, given.default_height, given.units
-    )
-    options = BuildingOptions(given.name, given.layer, given.crs, rules, given.report)
-    if given.earth:
-        for path in given.sources:
-            # Refused here, before the earth is meshed.
-            read_features(path, options.layer, options.crs, options.heights)
-        ingest_rasters(given.store, earth_files(), bars)
-    if not given.store.exists():
-        return ingest_buildings(given.store, given.sources, options, progress=bars)
-    with Store(given.store) as reader:
-        ground = ground_of(reader)
-        return ingest_buildings(
-            given.store, given.sources, options, ground=ground, progress=bars
-        )
-
-
-def ground_of(reader: Store) -> Ground | None:
-    """Return the store's terrain as a function of place, None where it has none."""
-    return Surface(reader).heights if len(reader.index(Lane.TERRAIN)) else None
+    with editing(store) as writer:
+        report = rebuild_objects(writer, progress=bars).report
+    said = {key: report[key] for key in ("floating", "sunk", "lifted", "grounding")}
+    return {"grounded": report["objects"], **said}
 
 
 def parser_of_ingest() -> argparse.ArgumentParser:
@@ -216,18 +194,24 @@ def parser_of_ingest() -> argparse.ArgumentParser:
         description="Read elevation models, pictures or footprints into a store. A new"
         " store starts from the sample earth; the same source again replaces itself.",
     )
-    kinds = parser.add_subparsers(required=True, metavar="terrain|imagery|buildings")
+    kinds = parser.add_subparsers(
+        required=True, metavar="terrain|imagery|buildings|synthetic"
+    )
     for name, run, text in (
         ("terrain", terrain, "elevation models: GeoTIFF, HGT (also zipped), VRT, netCDF"),
         ("imagery", imagery, "RGB pictures draped on the terrain"),
-        ("buildings", buildings, "footprints: GeoPackage, GeoJSON, FlatGeobuf, Shapefile"),
+        ("buildings", buildings, f"footprints or city models: {FORMATS}"),
+        ("synthetic", synthetic, "copies of footprints on land around them, to measure by"),
     ):
         kind = kinds.add_parser(name, help=text, description=f"Ingest {text}.")
         kind.set_defaults(run=run)
         kind.add_argument(
             "store", type=Path, help="the .geopage file; made when it is not there"
         )
-        kind.add_argument("sources", type=Path, nargs="+", metavar="SRC")
+        if name == "synthetic":
+            synthetic_arguments(kind)
+        else:
+            kind.add_argument("sources", type=Path, nargs="+", metavar="SRC")
         kind.add_argument("--name", help="name of the source (default: the file's name)")
         kind.add_argument("--crs", help="CRS of files that lack one, for example EPSG:4326")
         kind.add_argument("--bare", action="store_true", help="a new store starts empty")
@@ -243,26 +227,9 @@ def parser_of_ingest() -> argparse.ArgumentParser:
                 help="vertical datum: egm96, egm2008, ellipsoid or EPSG:n (default: the"
                 " file's)",
             )
-        if name == "buildings":
+        if name in {"buildings", "synthetic"}:
             building_arguments(kind)
     return parser
-
-
-def building_arguments(kind: argparse.ArgumentParser) -> None:
-    """Add what only footprints have."""
-    kind.add_argument("--height", metavar="FIELD", help="height of the top above ground")
-    kind.add_argument("--levels", metavar="FIELD", help="number of floors, 3 m each")
-    kind.add_argument(
-        "--base", metavar="FIELD", help="height of the lower edge above ground"
-    )
-    kind.add_argument("--default-height", type=float, default=6.0, metavar="M")
-    kind.add_argument(
-        "--units", choices=("m", "ft"), default="m", help="of the height field"
-    )
-    kind.add_argument("--layer", help="layer of a file that has several")
-    kind.add_argument(
-        "--report", type=Path, metavar="OUT.gpkg", help="what was skipped or repaired"
-    )
 
 
 def remove(words: list[str]) -> int:

@@ -12,11 +12,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from ingest.extrude_kernels import faces, walls_and_roofs
 from ingest.footprints import Geometries
 from ingest.repair import metres_per_degree
 from tiles import geodesy
 from tiles.frames import Ecef, Floats, Ints
-from tiles.mesh import ROOF, VERTEX, WALL
+from tiles.mesh import VERTEX
 
 CORNER_VERTICES = 5
 """Vertices per corner of a ring: two walls' ends, foot and top, and one of the roof."""
@@ -55,7 +56,9 @@ class _Corners:
     owner: Ints
     start: Ints
     part_start: Ints
-    ring_ends: list[NDArray[np.uint32]]
+    ring_end: Ints
+    part_ring: Ints
+    """(p + 1,) where each part's rings begin in `ring_end`"""
 
 
 def extrude(polygon: Geometries, foot_m: Floats, top_m: Floats) -> Prisms:
@@ -74,33 +77,30 @@ def extrude(polygon: Geometries, foot_m: Floats, top_m: Floats) -> Prisms:
     roof, roof_count = _roofs(corners, polygon)
     vertex_start = np.concatenate(([0], np.cumsum(CORNER_VERTICES * count)))
     triangle_start = np.concatenate(([0], np.cumsum(2 * count + roof_count)))
-    within = np.arange(len(corners.owner)) - corners.start[corners.owner]
-    wall = vertex_start[corners.owner] + 4 * within
-    top = vertex_start[corners.owner] + 4 * count[corners.owner] + within
+    return _raised(corners, (foot_m, top_m), roof, vertex_start, triangle_start)
 
+
+def _raised(
+    corners: _Corners,
+    foot_and_top_m: tuple[Floats, Floats],
+    roof: Ints,
+    vertex_start: Ints,
+    triangle_start: Ints,
+) -> Prisms:
     total = int(vertex_start[-1])
-    lon, lat, height = np.empty(total), np.empty(total), np.empty(total)
-    ends = (np.arange(len(wall)), corners.ahead, corners.ahead, np.arange(len(wall)))
-    for k, (end, level_m) in enumerate(
-        zip(ends, (foot_m, foot_m, top_m, top_m), strict=True)
-    ):
-        lon[wall + k], lat[wall + k] = corners.lon_deg[end], corners.lat_deg[end]
-        height[wall + k] = level_m[corners.owner]
-    lon[top], lat[top] = corners.lon_deg, corners.lat_deg
-    height[top] = top_m[corners.owner]
-
+    place, normal = np.empty((3, total)), np.zeros((total, 4), np.int8)
+    marks = np.empty((total, 2), np.uint16)
+    lon_rad, lat_rad = np.radians(corners.lon_deg), np.radians(corners.lat_deg)
+    corner = np.column_stack((lon_rad, lat_rad, *metres_per_degree(corners.lat_deg)))
+    heights = np.column_stack(foot_and_top_m)
+    walls_and_roofs(corner, corners.ahead, corners.start, heights, place, normal, marks)
     triangles = np.empty((int(triangle_start[-1]), 3), np.int64)
-    first = triangle_start[corners.owner] + 2 * within
-    triangles[first] = wall[:, None] + (0, 1, 2)
-    triangles[first + 1] = wall[:, None] + (0, 2, 3)
-    is_roof = np.ones(len(triangles), bool)
-    is_roof[first], is_roof[first + 1] = False, False
-    triangles[is_roof] = top[roof]
-    vertices = _vertices(corners, wall, top, (top_m - foot_m)[corners.owner])
-    return Prisms(
-        np.radians(lon), np.radians(lat), height, vertices, triangles, vertex_start,
-        triangle_start,
-    )  # fmt: skip
+    faces(corners.start, roof, vertex_start, triangle_start, triangles)
+    vertices = np.zeros(total, VERTEX)
+    vertices["normal"], vertices["flags"] = normal, marks[:, 1]
+    vertices["detail"][:, 0] = marks[:, 0]
+    lon, lat, height = place
+    return Prisms(lon, lat, height, vertices, triangles, vertex_start, triangle_start)
 
 
 def _no_prisms() -> Prisms:
@@ -121,13 +121,8 @@ def _corners(polygon: Geometries) -> _Corners:
     part_start = begin[part_ring]
     owner = np.repeat(owner_of_part, np.diff(part_start))
     start = np.searchsorted(owner, np.arange(len(polygon) + 1))
-    ring_ends = np.split(begin[1:], part_ring[1:-1])
-    relative = [
-        (ends - first).astype(np.uint32)
-        for ends, first in zip(ring_ends, part_start[:-1], strict=True)
-    ]
     lon, lat = xy[~closing].T
-    return _Corners(lon, lat, ahead, owner, start, part_start, relative)
+    return _Corners(lon, lat, ahead, owner, start, part_start, begin[1:], part_ring)
 
 
 def _roofs(corners: _Corners, polygon: Geometries) -> tuple[Ints, Ints]:
@@ -137,11 +132,10 @@ def _roofs(corners: _Corners, polygon: Geometries) -> tuple[Ints, Ints]:
     scale = np.column_stack(metres_per_degree(middle[:, 1]))
     xy = np.column_stack((corners.lon_deg, corners.lat_deg)) - middle[corners.owner]
     xy = np.ascontiguousarray(xy * scale[corners.owner])
-    found, start = [], corners.part_start.tolist()
-    for first, last, ends in zip(start[:-1], start[1:], corners.ring_ends, strict=True):
-        part = mapbox_earcut.triangulate_float64(xy[first:last], ends)
-        found.append(part.astype(np.int64) + first)
-    roof = np.concatenate(found).reshape(-1, 3) if found else np.zeros((0, 3), np.int64)
+    quad = _convex_quads(corners, xy)
+    fan = corners.part_start[quad][:, None] + (0, 1, 2, 0, 2, 3)
+    roof = np.concatenate((fan.reshape(-1, 3), _ear_clipped(corners, xy, quad)))
+    roof = roof[np.argsort(roof[:, 0], kind="stable")]
     a, b, c = xy[roof[:, 0]], xy[roof[:, 1]], xy[roof[:, 2]]
     ab, ac = b - a, c - a
     clockwise = ab[:, 0] * ac[:, 1] < ab[:, 1] * ac[:, 0]
@@ -149,21 +143,27 @@ def _roofs(corners: _Corners, polygon: Geometries) -> tuple[Ints, Ints]:
     return roof, np.bincount(corners.owner[roof[:, 0]], minlength=len(polygon))
 
 
-def _vertices(corners: _Corners, wall: Ints, top: Ints, rise_m: Floats) -> NDArray[np.void]:
-    """Fill in flags, normals and the height above the walls' foot."""
-    vertices = np.zeros(CORNER_VERTICES * len(wall), VERTEX)
-    per_lon, per_lat = metres_per_degree(corners.lat_deg)
-    east = (corners.lon_deg[corners.ahead] - corners.lon_deg) * per_lon
-    north = (corners.lat_deg[corners.ahead] - corners.lat_deg) * per_lat
-    length = np.maximum(np.hypot(east, north), 1e-9)
-    axes = geodesy.enu_axes(np.radians(corners.lon_deg), np.radians(corners.lat_deg))
-    outward = (north / length)[:, None] * axes[:, 0] - (east / length)[:, None] * axes[:, 1]
-    rise_dm = np.clip(np.rint(rise_m * 10), 0, 65535)
-    for k in range(4):
-        vertices["normal"][wall + k, :3] = np.rint(127 * outward)
-        vertices["flags"][wall + k] = WALL
-        vertices["detail"][wall + k, 0] = rise_dm if k >= 2 else 0
-    vertices["normal"][top, :3] = np.rint(127 * axes[:, 2])
-    vertices["flags"][top] = ROOF
-    vertices["detail"][top, 0] = rise_dm
-    return vertices
+def _convex_quads(corners: _Corners, xy: Floats) -> Ints:
+    """Return the parts that are one convex ring of four corners."""
+    size = np.diff(corners.part_start)
+    quad = np.flatnonzero((size == 4) & (np.diff(corners.part_ring) == 1))
+    corner = xy[corners.part_start[quad][:, None] + np.arange(4)]
+    side = np.roll(corner, -1, axis=1) - corner
+    after = np.roll(side, -1, axis=1)
+    turn = side[..., 0] * after[..., 1] - side[..., 1] * after[..., 0]
+    return np.asarray(quad[(turn > 0).all(axis=1)])
+
+
+def _ear_clipped(corners: _Corners, xy: Floats, but: Ints) -> Ints:
+    """Return roof triangles of all parts but some, (r, 3)."""
+    part = np.setdiff1d(np.arange(len(corners.part_start) - 1), but)
+    first, last = corners.part_start[part], corners.part_start[part + 1]
+    ring = np.column_stack((corners.part_ring[part], corners.part_ring[part + 1]))
+    found = []
+    for a, b, (c, d) in zip(first.tolist(), last.tolist(), ring.tolist(), strict=True):
+        ends = (corners.ring_end[c:d] - a).astype(np.uint32)
+        found.append(mapbox_earcut.triangulate_float64(xy[a:b], ends))
+    count = [len(one) for one in found]
+    shift = np.repeat(first, count)
+    joined = np.concatenate([np.zeros(0, np.uint32), *found]).astype(np.int64)
+    return (joined + shift).reshape(-1, 3)

@@ -1,73 +1,97 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--report OUT.gpkg`: features to look at, to open in QGIS."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Sequence
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 import pyogrio.errors
 import pyogrio.raw
-import shapely
 
-from ingest.features import Features
 from tiles.errors import InputError
-from tiles.frames import Ints
 
 LAYER = "features_to_look_at"
+TOGETHER = 20_000
+"""Rows that are written at once; no more than these stay in memory."""
+_COLUMNS = ["source", "file", "feature", "remark"]
 
 
-def write_feature_report(
-    path: Path,
-    features: Mapping[str, Features],
-    ids: Mapping[str, Ints],
-    noted: Mapping[str, Ints],
-) -> None:
-    """Write what was skipped, merged or repaired, and what floats or is sunk.
+class FeatureReport:
+    """A GeoPackage that is written as features come, and named when all are there.
 
-    Parameters
-    ----------
-    path : GeoPackage to write; an older one is replaced
-    features : by name of the source
-    ids : object ids of each source's stored features
-    noted : object ids by remark, such as "floating"
+    Used in a `with`: whatever goes wrong inside, an older file of this name stays.
     """
-    rows: list[tuple[str, str, int, str, object]] = []
-    for name, one in features.items():
-        remarks = _remarks(one, ids[name], noted)
-        for k, remark in remarks:
-            shape = one.original[k] if one.polygon[k] is None else one.polygon[k]
-            file = one.files[one.file[k]].path.name
-            rows.append((name, file, int(one.feature[k]), remark, shape))
-    columns = [list(column) for column in zip(*rows, strict=True)] or [[]] * 5
-    source, file, feature, words, shape = columns
-    path.unlink(missing_ok=True)
-    try:
-        pyogrio.raw.write(
-            path,
-            shapely.to_wkb(np.array(shape, object)),
-            [np.array(column, object) for column in (source, file)]
-            + [np.array(feature, np.int64), np.array(words, object)],
-            ["source", "file", "feature", "remark"],
-            layer=LAYER,
-            driver="GPKG",
-            geometry_type="Unknown",
-            crs="EPSG:4326",
-        )
-    except (pyogrio.errors.DataSourceError, OSError) as error:
-        raise InputError(
-            path, f"can't be written ({error})", "choose another place"
-        ) from error
 
+    def __init__(self, path: Path) -> None:
+        """Take the name of the file to make.
 
-def _remarks(
-    features: Features, ids: Ints, noted: Mapping[str, Ints]
-) -> list[tuple[int, str]]:
-    """Return (feature, remark) pairs; a feature can have several."""
-    found = [
-        (int(k), str(features.reason[k])) for k in np.flatnonzero(features.reason != "")
-    ]
-    kept = features.kept
-    found += [(int(k), "repaired") for k in kept[features.was_repaired[kept]]]
-    for remark, objects in noted.items():
-        found += [(int(k), remark) for k in kept[np.isin(ids, objects)]]
-    return found
+        Raises
+        ------
+        InputError
+        """
+        if path.suffix != ".gpkg" or not path.parent.is_dir():
+            advice = "name a .gpkg file in a folder that exists"
+            raise InputError(path, "can't be written", advice)
+        self._path = path
+        self._new = path.with_name(f".{os.getpid()}.{path.name}")
+        self._rows: list[tuple[str, str, int, str, bytes | None]] = []
+
+    def add(
+        self,
+        source: str,
+        file: str,
+        feature: Sequence[int],
+        remark: Sequence[str],
+        wkb: Sequence[bytes | None],
+    ) -> None:
+        """List features of one file, each with why it is to be looked at."""
+        rows = zip(feature, remark, wkb, strict=True)
+        self._rows += [(source, file, *row) for row in rows]
+        if len(self._rows) >= TOGETHER:
+            self._write()
+
+    def _write(self) -> None:
+        columns = [list(column) for column in zip(*self._rows, strict=True)] or [[]] * 5
+        self._rows = []
+        source, file, feature, words, shape = columns
+        fields = [
+            np.array(source, object),
+            np.array(file, object),
+            np.array(feature, np.int64),
+            np.array(words, object),
+        ]
+        try:
+            pyogrio.raw.write(
+                self._new,
+                np.array(shape, object),
+                fields,
+                _COLUMNS,
+                layer=LAYER,
+                driver="GPKG",
+                geometry_type="Unknown",
+                crs="EPSG:4326",
+                append=self._new.exists(),
+            )
+        except (pyogrio.errors.DataSourceError, OSError) as error:
+            reason = f"can't be written ({error})"
+            raise InputError(self._path, reason, "choose another place") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        try:
+            if kind is None:
+                if self._rows or not self._new.exists():
+                    self._write()
+                self._new.replace(self._path)
+        finally:
+            self._new.unlink(missing_ok=True)

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of the features of a source: stored, merged or skipped, all counted."""
+"""What becomes of the features of a part of a file: rows to store, or a reason."""
 
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import reduce
+import hashlib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,151 +10,136 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ingest.footprints import Footprints, Geometries, read_footprints
-from ingest.heights import HeightRules, count_how, heights_of
-from ingest.object_table import attributes_json
+from ingest.footprints import Footprints, Geometries
+from ingest.heights import HeightRules, Heights, heights_of
+from ingest.object_table import NewObjects, attributes_json
 from ingest.repair import repair
+from ingest.shapes import centres_deg, dimensions_m, turned_home
 from tiles.frames import Floats, Ints
 
-MERGED = "merged: the same footprint again"
-LISTED = 1000
-"""Skipped features that a report lists; the counts are complete."""
+DIGEST_BYTES = 16
+DEFAULT, FROM_GEOMETRY = 1 << 2, 1 << 7
+"""Bits of `Features.how`: the former is one of `heights.HOW`, the latter no bit of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """All n features of a source, also those that are not stored."""
+    """All n features of a part, also those that can't be stored."""
 
-    files: tuple[Footprints, ...]
-    file: Ints
-    """(n,) which of the files"""
+    path: Path
+    layer: str
+    crs: str
+    warnings: tuple[str, ...]
+    used: dict[str, Any]
+    """the fields that heights come from"""
     feature: Ints
     """(n,) number in the file"""
-    original: Geometries
-    polygon: Geometries
-    """(n,) as read, and as repaired (None where skipped), degrees"""
-    top_m: Floats
-    raised_m: Floats
-    """(n,) roof and walls' lower edge above the ground"""
     was_repaired: NDArray[np.bool_]
     reason: NDArray[np.object_]
-    """(n,) why it is not stored; empty where it is"""
+    """(n,) why it can't be stored; empty where it can"""
     how: NDArray[np.uint8]
-    """(n,) where its height comes from, bits of `heights.HOW`"""
-    used: tuple[dict[str, Any], ...]
-    """for each file, the fields that heights come from"""
-
-    def __add__(self, other: "Features") -> "Features":
-        return Features(
-            self.files + other.files,
-            np.concatenate((self.file, other.file + len(self.files))),
-            np.concatenate((self.feature, other.feature)),
-            np.concatenate((self.original, other.original)),
-            np.concatenate((self.polygon, other.polygon)),
-            np.concatenate((self.top_m, other.top_m)),
-            np.concatenate((self.raised_m, other.raised_m)),
-            np.concatenate((self.was_repaired, other.was_repaired)),
-            np.concatenate((self.reason, other.reason)),
-            np.concatenate((self.how, other.how)),
-            self.used + other.used,
-        )
+    """(n,) where its height comes from, bits of `heights.HOW`, and FROM_GEOMETRY"""
+    rows: NewObjects
+    """what can be stored, k of them, in the same order"""
+    top_m: Floats
+    """(k,) roof above the ground"""
+    digest: NDArray[np.uint64]
+    """(k, 2) the same for the same footprint with the same lower edge"""
+    odd: list[bytes]
+    """WKB of what is to be looked at, in the order of `is_odd`"""
 
     @property
     def kept(self) -> Ints:
-        """Return which features are stored."""
+        """Return which features can be stored, (k,)."""
         return np.flatnonzero(self.reason == "")
 
-    def merged(self) -> "Features":
-        """Keep one of features that are the same: the tallest, of these the first."""
-        first: dict[tuple[bytes, float], int] = {}
-        usable = self.kept
-        usable = usable[np.argsort(-self.top_m[usable], kind="stable")]
-        shape = shapely.to_wkb(shapely.normalize(self.polygon[usable]))
-        keys = zip(shape.tolist(), self.raised_m[usable].tolist(), strict=True)
-        for row, key in zip(usable.tolist(), keys, strict=True):
-            if first.setdefault(key, row) != row:
-                self.reason[row] = MERGED
-        return self
-
-    def attributes(self) -> list[str]:
-        """Return the stored features' attributes, as JSON, in the order of `kept`."""
-        kept, texts = self.kept, []
-        start = np.searchsorted(self.file, np.arange(len(self.files) + 1))
-        for k, file in enumerate(self.files):
-            rows = kept[(kept >= start[k]) & (kept < start[k + 1])] - start[k]
-            texts += attributes_json(file.columns, rows)
-        return texts
-
-    def report(self) -> dict[str, Any]:
-        """Count what became of the features; read = stored + merged + skipped."""
-        merged = self.reason == MERGED
-        skipped = (self.reason != "") & ~merged
-        return {
-            "read": len(self.reason),
-            "stored": len(self.kept),
-            "merged": int(merged.sum()),
-            "skipped": int(skipped.sum()),
-            "repaired": int((self.was_repaired & (self.reason == "")).sum()),
-            "skipped_by_reason": dict(Counter(self.reason[skipped].tolist())),
-            "heights": {**count_how(self.how[self.kept]), **joined_reports(self.used)},
-            "warnings": [text for file in self.files for text in file.warnings],
-        }
-
-    def details(self) -> dict[str, Any]:
-        """Return what the store remembers about the source."""
-        listed = np.flatnonzero(self.reason != "")[:LISTED]
-        return {
-            "files": [file.path.name for file in self.files],
-            "layer": self.files[0].layer,
-            "crs": self.files[0].crs,
-            "report": self.report(),
-            "not_stored": [
-                [self.files[self.file[k]].path.name, int(self.feature[k]), self.reason[k]]
-                for k in listed.tolist()
-            ],
-        }
+    @property
+    def is_odd(self) -> Ints:
+        """Return which features are skipped, or repaired."""
+        return np.flatnonzero((self.reason != "") | self.was_repaired)
 
 
-def read_features(
-    path: str | Path, layer: str | None, crs: str | None, rules: HeightRules
-) -> Features:
-    """Read one file, repair its polygons and find their heights."""
-    read = read_footprints(path, layer, crs)
-    repaired = repair(read.geometry)
-    usable = repaired.reason == ""
-    columns = {name: values[usable] for name, values in read.columns.items()}
-    found = heights_of(path, columns, int(usable.sum()), rules)
-    top_m, raised_m = np.zeros(len(usable)), np.zeros(len(usable))
-    how = np.zeros(len(usable), np.uint8)
-    top_m[usable], raised_m[usable], how[usable] = found.top_m, found.foot_m, found.how
+def packed(part: Footprints) -> Footprints:
+    """Return a part with its geometries as WKB, which costs less to send."""
+    return replace(part, geometry=shapely.to_wkb(part.geometry))
+
+
+def features_of(job: tuple[Footprints, HeightRules]) -> Features:
+    """Repair the polygons of a part and find their heights.
+
+    Parameters
+    ----------
+    job : the part, `packed`, and which attributes say the height
+    """
+    part, rules = job
+    geometry = np.asarray(shapely.from_wkb(part.geometry), object)
+    repaired = repair(geometry)
+    kept = np.flatnonzero(repaired.reason == "")
+    columns = {name: values[kept] for name, values in part.columns.items()}
+    found = heights_of(part.path, columns, len(kept), rules)
+    solid = part.solid[kept] if part.solid is not None else np.full(len(kept), None, object)
+    top_m, how_kept = _of_geometry(part, kept, found, solid)
+    how = np.zeros(len(repaired.reason), np.uint8)
+    how[kept] = how_kept
+    polygon = turned_home(repaired.polygon[kept])
+    odd = np.flatnonzero((repaired.reason != "") | repaired.was_repaired)
+    looks = np.where(repaired.was_repaired, repaired.polygon, geometry)
     return Features(
-        (read,),
-        np.zeros(len(usable), np.int64),
-        read.feature,
-        read.geometry,
-        repaired.polygon,
-        top_m,
-        raised_m,
+        part.path,
+        part.layer,
+        part.crs,
+        part.warnings,
+        found.used,
+        part.feature,
         repaired.was_repaired,
         repaired.reason,
         how,
-        (found.used,),
+        _rows(polygon, found.foot_m, top_m, solid, attributes_json(part.columns, kept)),
+        top_m,
+        _digests(polygon, found.foot_m),
+        shapely.to_wkb(looks[odd]).tolist(),
     )
 
 
-def joined_reports(reports: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """Add counts, join lists without repeats; of other values the first one stays."""
-    return reduce(_joined, reports)
+def _of_geometry(
+    part: Footprints, kept: Ints, found: Heights, solid: NDArray[np.object_]
+) -> tuple[Floats, NDArray[np.uint8]]:
+    """Let the geometry's height stand where no attribute says one, and for solids."""
+    if part.height_m is None:
+        return found.top_m, found.how
+    height_m = part.height_m[kept]
+    known = np.isfinite(height_m) & (height_m > 0)
+    has_solid = np.array([one is not None for one in solid], bool)
+    taken = known & (has_solid | ((found.how & DEFAULT) > 0))
+    how = np.where(taken, FROM_GEOMETRY | found.how & 0b111000, found.how)
+    return np.where(taken, found.foot_m + height_m, found.top_m), how.astype(np.uint8)
 
 
-def _joined(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
-    total = {**b, **a}
-    for key in a.keys() & b.keys():
-        x, y = a[key], b[key]
-        if isinstance(x, dict):
-            total[key] = _joined(x, y)
-        elif isinstance(x, int):
-            total[key] = x + y
-        elif isinstance(x, list):
-            total[key] = list(dict.fromkeys([*x, *y]))
-    return total
+def _rows(
+    polygon: Geometries,
+    raised_m: Floats,
+    top_m: Floats,
+    solid: NDArray[np.object_],
+    attributes: list[bytes],
+) -> NewObjects:
+    height_m = top_m - raised_m
+    return NewObjects(
+        shapely.to_wkb(polygon).tolist(),
+        *centres_deg(polygon),
+        raised_m,
+        height_m,
+        dimensions_m(polygon, height_m),
+        solid.tolist(),
+        attributes,
+    )
+
+
+def _digests(polygon: Geometries, raised_m: Floats) -> NDArray[np.uint64]:
+    """Return two numbers for each footprint, wherever its rings begin."""
+    shape = shapely.to_wkb(shapely.normalize(polygon)).tolist()
+    low = [one.tobytes() for one in raised_m.astype("<f8")]
+    joined = b"".join(
+        hashlib.blake2b(a + b, digest_size=DIGEST_BYTES).digest()
+        for a, b in zip(shape, low, strict=True)
+    )
+    return np.frombuffer(joined, np.uint64).reshape(-1, 2)

@@ -67,6 +67,15 @@ class Mosaic:
         sea = undulation_m("egm96", lon_rad, lat_rad)
         return self._fold(lon_rad, lat_rad, step_m, len(self._groups), sea), sea
 
+    def spacing_m(self, lon_rad: Floats, lat_rad: Floats) -> Floats:
+        """Return the post spacing of the source that shows, (n,) m; inf where none is."""
+        found = np.full(lon_rad.shape, np.inf)
+        for group in self._groups:
+            if group.near(lon_rad, lat_rad, 0.0).any():
+                here = np.isfinite(group.heights(lon_rad, lat_rad, 0.0))
+                found[here] = group.layers[-1].spacing_m
+        return found
+
     def _fold(
         self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int, sea: Floats
     ) -> Floats:

@@ -70,7 +70,8 @@ def index_records(tree: Tree, drawn: Drawn) -> NDArray[np.void]:
     records["cell"] = tree.cell
     records["children"] = tree.children_mask()
     level = cells.level(drawn.cell)
-    for depth in range(int(tree.level.max(initial=0)) + 1):
+    highest, deepest = int(tree.level.min(initial=99)), int(tree.level.max(initial=0))
+    for depth in range(highest, deepest + 1):
         below = np.flatnonzero(level >= depth)
         where = np.searchsorted(tree.cell, cells.ancestor(drawn.cell[below], depth))
         _bound(records, np.flatnonzero(tree.level == depth), where, drawn, below)

@@ -1,209 +1,213 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Object tiles and their index: buildings in their cells, proxies above them."""
+"""Object tiles and index records of a part of the forest: a branch, or the crown above.
 
+A branch measures its proxies against the buildings themselves. The crown knows only
+what stands for its branches: its proxies are measured against that, and what that is
+wrong by is added, so that an error is never understated.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from ingest import object_levels
-from ingest.extrude import CORNER_VERTICES, Prisms, extrude
-from ingest.footprints import Geometries
-from ingest.object_index import index_records
-from ingest.object_tiles import OwnObjects, Proxies, make_tile, meshes_of
-from ingest.object_tree import Tree, build_tree, proxied_children
-from ingest.proxies import Boxes, Solids, make_boxes, measure, sample_surfaces
-from ingest.raster_copy import Progress
-from ingest.repair import area_m2, size_m
+from ingest.grounding import Terrain, proxy_feet_m
+from ingest.object_cut import Cut
+from ingest.object_encode import Decided, decided, encoded
+from ingest.object_index import Drawn, index_records
+from ingest.object_tiles import OwnObjects, Proxies, meshes_of
+from ingest.object_tree import Tree, below_proxies
+from ingest.proxies import make_boxes, measure
+from ingest.shapes import Shapes, dimensions_m
 from tiles import cells
-from tiles.codec import HEADER, checksum
-from tiles.frames import Floats, Ints
-from tiles.index_tree import INDEX
-from tiles.lanes import Lane
-from tiles.mesh import VERTEX
-from tiles.objects import ObjectTile, encode
-
-_VERTEX_BYTES = VERTEX.itemsize + 4
-# Half a 16-bit step in three directions, in units of a sphere around the tile.
-_ROUNDING = 6e-5
+from tiles.frames import Ecef, Floats, Ints
 
 
 @dataclass(frozen=True, slots=True)
 class Buildings:
-    """n buildings as they are drawn; heights above the ellipsoid, m."""
+    """n buildings in the order of their cells, largest first in each."""
 
     id: Ints
-    polygon: Geometries
-    """(n,) degrees"""
-    foot_m: Floats
-    ground_m: Floats
-    top_m: Floats
     dimension_m: Floats
     """(n,) bounding dimension: largest side of the box, what is below ground left out"""
-
-    def take(self, order: Ints) -> "Buildings":
-        """Return the buildings in another order."""
-        return Buildings(
-            self.id[order],
-            self.polygon[order],
-            self.foot_m[order],
-            self.ground_m[order],
-            self.top_m[order],
-            self.dimension_m[order],
-        )
+    shapes: Shapes
 
 
 @dataclass(frozen=True, slots=True)
-class Pyramid:
-    """The objects lane of a store, ready to be written."""
+class StandIn:
+    """What stands for all buildings below a cell."""
+
+    shapes: Shapes
+    error_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """Tiles and index records of a part."""
 
     records: NDArray[np.void]
-    """(c,) INDEX sorted by cell; `row` is not known yet"""
-    tiles: list[tuple[int, bytes]]
-    tile_record: Ints
-    """(t,) which record names each tile"""
-    cell: Ints
-    """(n,) cell of each building, in the order in which they were given"""
-
-    def named(self, rows: list[int]) -> NDArray[np.void]:
-        """Return the records with the store's rows of the tiles."""
-        records = self.records.copy()
-        records["row"][self.tile_record] = rows
-        return records
+    """(c,) INDEX sorted by cell; `row` counts the bodies from 1, 0 where there is none"""
+    bodies: list[bytes]
 
 
-def dimensions_m(polygon: Geometries, height_m: Floats) -> Floats:
-    """Return bounding dimensions, (n,) m: the largest of width, length and height."""
-    return np.maximum(np.maximum(*size_m(polygon)), height_m)
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """What the crown must know of a branch."""
+
+    record: NDArray[np.void]
+    """(1,) INDEX of its root, `row` as in the store"""
+    top: StandIn
 
 
-def centres_deg(polygon: Geometries) -> tuple[Floats, Floats]:
-    """Return longitude and latitude of the middle of each polygon's box, degrees."""
-    west, south, east, north = shapely.bounds(polygon).T
-    return (west + east) / 2, (south + north) / 2
-
-
-def build_pyramid(buildings: Buildings, progress: Progress) -> Pyramid:
-    """Put buildings in cells, make proxies above them, and encode all tiles."""
-    if not len(buildings.id):
-        none = np.zeros(0, np.int64)
-        return Pyramid(np.zeros(0, INDEX), [], none, none)
-    cell = _cells_of(buildings)
-    order = np.lexsort((-buildings.dimension_m, cell))
-    buildings = buildings.take(order)
-    tree = build_tree(cell[order])
-    prisms = extrude(buildings.polygon, buildings.foot_m, buildings.top_m)
-    meshes = meshes_of(prisms, np.arange(len(order) + 1), cell[order])
+def make_branch(
+    cut: Cut, buildings: Buildings, terrain: Terrain | None = None
+) -> tuple[Made, StandIn]:
+    """Make all tiles of a branch, and what stands for it above, if that is wanted."""
+    tree = cut.tree
+    prisms = buildings.shapes.prisms()
+    each = np.arange(len(buildings.id) + 1)
+    meshes = meshes_of(prisms, each, tree.object_cell)
     own = OwnObjects(meshes, buildings.id, buildings.dimension_m)
-    progress(1, 3, "extruded")
-
-    bare = index_records(tree, meshes.drawn)
-    child = proxied_children(tree, bare["radius_m"].astype(np.float64))
-    proxies = _proxies(tree, child, buildings, prisms)
-    records = index_records(tree, meshes.drawn + proxies.meshes.drawn)
-    proxies = _decide(records, tree, child, own, proxies)
-    progress(2, 3, "proxies")
-    tiles, where = _encoded(records, tree, child, own, proxies)
-    progress(3, 3, "tiles")
-    return Pyramid(records, tiles, where, cell)
-
-
-def _cells_of(buildings: Buildings) -> Ints:
-    lon, lat = centres_deg(buildings.polygon)
-    corners = shapely.get_num_coordinates(buildings.polygon)
-    return object_levels.assign(
-        np.radians(lon),
-        np.radians(lat),
-        buildings.dimension_m,
-        CORNER_VERTICES * corners,
-        _VERTEX_BYTES,
-    )
-
-
-def _proxies(tree: Tree, child: Ints, buildings: Buildings, prisms: Prisms) -> Proxies:
-    """Make a proxy of each cell in `child` (positions) and measure it."""
-    solids = Solids(
-        np.asarray(shapely.bounds(buildings.polygon), np.float64),
-        area_m2(buildings.polygon),
-        buildings.foot_m,
-        buildings.ground_m,
-        buildings.top_m,
-    )
-    first, last = tree.first[child], tree.last[child]
+    root = np.flatnonzero(tree.parent < 0)[: int(cut.is_wanted)]
+    group = np.append(cut.held, root)
+    first, last = tree.first[group], tree.last[group]
+    solids = buildings.shapes.solids(prisms)
     boxes = make_boxes(solids, first, last)
-    start = np.searchsorted(boxes.group, np.arange(len(child) + 1))
-    meshes = meshes_of(
-        extrude(boxes.polygon, boxes.foot_m, boxes.top_m),
-        start,
-        tree.cell[tree.parent[child]],
+    error = measure(boxes, solids, first, last)
+    count = len(cut.held)
+    start = np.searchsorted(boxes.group, np.arange(count + 1))
+    shapes = Shapes.of_boxes(boxes)
+    top = StandIn(shapes.take(slice(int(start[-1]), None)), float(error[count:].sum()))
+    lower = _on_ground(shapes.take(slice(int(start[-1]))), start, terrain)
+    proxies = _proxies(tree, cut.held, lower, start, error[:count])
+    records = index_records(tree, meshes.drawn + proxies.meshes.drawn)
+    return _finished(decided(records, cut, own, proxies), own), top
+
+
+def make_crown(
+    cut: Cut,
+    is_root: NDArray[np.bool_],
+    own: Buildings,
+    branches: Sequence[Branch],
+    terrain: Terrain | None = None,
+) -> Made:
+    """Make the tiles above the branches; the records are those of the crown without them.
+
+    Parameters
+    ----------
+    is_root : (c,) which of the crown's cells are roots of branches
+    branches : one for each of these, in their order
+    """
+    tree = cut.tree
+    meshes = meshes_of(own.shapes.prisms(), np.arange(len(own.id) + 1), tree.object_cell)
+    objects = OwnObjects(meshes, own.id, own.dimension_m)
+    standing = _standing(cut, is_root, own.shapes, branches)
+    held = [standing[k] for k in cut.held.tolist()]
+    shapes = Shapes.joined([one.shapes for one in held])
+    start = np.cumsum([0, *(len(one.shapes.foot_m) for one in held)])
+    error = np.array([one.error_m for one in held])
+    shapes = _on_ground(shapes, start, terrain)
+    proxies = _proxies(tree, cut.held, shapes, start, error)
+    roots = np.concatenate([one.record for one in branches])
+    below = Drawn(
+        roots["cell"],
+        Ecef(roots["centre"]),
+        *(
+            roots[name].astype(float)
+            for name in ("radius_m", "min_height_m", "max_height_m")
+        ),
     )
-    error = measure(boxes, sample_surfaces(prisms), first, last)
+    records = index_records(tree, meshes.drawn + proxies.meshes.drawn + below)
+    records[is_root] = roots
+    made = _finished(decided(records, cut, objects, proxies, is_root), objects)
+    return Made(made.records[~is_root], made.bodies)
+
+
+def _finished(part: Decided, own: OwnObjects) -> Made:
+    bodies = encoded(part, own)
+    return Made(part.records, bodies)
+
+
+def _standing(
+    cut: Cut, is_root: NDArray[np.bool_], own: Shapes, branches: Sequence[Branch]
+) -> dict[int, StandIn]:
+    """Return what stands for each cell of the crown that a proxy above needs."""
+    tree = cut.tree
+    standing = {
+        int(k): one.top for k, one in zip(np.flatnonzero(is_root), branches, strict=True)
+    }
+    wanted = below_proxies(tree, cut.held)
+    for level in range(int(tree.level.max(initial=0)), -1, -1):
+        here = np.flatnonzero(wanted & ~is_root & (tree.level == level)).tolist()
+        below = [
+            [standing[k] for k in np.flatnonzero(tree.parent == place).tolist()]
+            for place in here
+        ]
+        mine = [
+            own.take(slice(int(tree.own_first[k]), int(tree.own_last[k]))) for k in here
+        ]
+        parts = [
+            Shapes.joined([*(one.shapes for one in found), more])
+            for found, more in zip(below, mine, strict=True)
+        ]
+        found = _coarser(parts)
+        for k, place in enumerate(here):
+            worst = max((one.error_m for one in below[k]), default=0.0)
+            standing[place] = StandIn(found[k].shapes, found[k].error_m + worst)
+    return standing
+
+
+def _coarser(parts: Sequence[Shapes]) -> list[StandIn]:
+    """Make boxes that stand for some shapes each, with the error against these."""
+    if not parts:
+        return []
+    shapes = Shapes.joined(parts)
+    end = np.cumsum([len(one.foot_m) for one in parts])
+    first = end - [len(one.foot_m) for one in parts]
+    solids = shapes.solids(shapes.prisms())
+    boxes = make_boxes(solids, first, end)
+    error = measure(boxes, solids, first, end)
+    start = np.searchsorted(boxes.group, np.arange(len(parts) + 1)).tolist()
+    made = Shapes.of_boxes(boxes)
+    spans = zip(start[:-1], start[1:], error.tolist(), strict=True)
+    return [StandIn(made.take(slice(a, b)), far) for a, b, far in spans]
+
+
+def _on_ground(shapes: Shapes, start: Ints, terrain: Terrain | None) -> Shapes:
+    """Let proxies' walls go on into every terrain that may be drawn with them."""
+    if terrain is None or len(start) == 1:
+        return shapes
+    whole_m = np.repeat(_widths_m(shapes, start), np.diff(start))
+    place = shapes.polygon, shapes.foot_m, shapes.lean
+    return replace(shapes, foot_m=proxy_feet_m(*place, whole_m, terrain))
+
+
+def _proxies(
+    tree: Tree, held: Ints, shapes: Shapes, start: Ints, error_m: Floats
+) -> Proxies:
+    """Return proxies of the cells `held`; the shapes of each begin at `start`."""
+    meshes = meshes_of(shapes.prisms(), start, tree.cell[tree.parent[held]])
     return Proxies(
         meshes,
-        cells.child_position(tree.cell[child]),
-        _box_dimensions_m(boxes, start),
-        error,
-        last - first,
+        cells.child_position(tree.cell[held]),
+        _widths_m(shapes, start),
+        error_m,
+        tree.last[held] - tree.first[held],
     )
 
 
-def _box_dimensions_m(boxes: Boxes, start: Ints) -> Floats:
-    if not len(boxes.group):
+def _widths_m(shapes: Shapes, start: Ints) -> Floats:
+    """Return the largest side of a box around each group of shapes, m."""
+    if len(start) == 1:
         return np.zeros(0)
     first = start[:-1]
-    low = np.minimum.reduceat(boxes.bounds_deg[:, :2], first)
-    high = np.maximum.reduceat(boxes.bounds_deg[:, 2:], first)
+    bounds = shapely.bounds(shapes.polygon)
+    low = np.minimum.reduceat(bounds[:, :2], first)
+    high = np.maximum.reduceat(bounds[:, 2:], first)
     whole = np.asarray(shapely.box(*low.T, *high.T), object)
-    height = np.maximum.reduceat(boxes.top_m, first) - np.minimum.reduceat(
-        boxes.ground_m, first
+    height = np.maximum.reduceat(shapes.top_m, first) - np.minimum.reduceat(
+        shapes.ground_m, first
     )
     return dimensions_m(whole, height)
-
-
-def _decide(
-    records: NDArray[np.void], tree: Tree, child: Ints, own: OwnObjects, proxies: Proxies
-) -> Proxies:
-    """Fill in what the selection decides by; errors and dimensions never grow downwards."""
-    parent = tree.parent[child]
-    error = proxies.error_m + _ROUNDING * records["radius_m"][parent]
-    worst, widest, largest = (np.zeros(len(records)) for _ in range(3))
-    np.maximum.at(worst, parent, error)
-    np.maximum.at(widest, parent, proxies.dimension_m)
-    largest[tree.has_own] = own.dimension_m[tree.own_first[tree.has_own]]
-    records["own_dimension_m"] = largest
-    records["subtree_dimension_m"] = tree.raised(np.maximum, largest)
-    records["proxy_dimension_m"] = tree.raised(np.maximum, widest)
-    worst = tree.raised(np.maximum, worst)
-    records["error_m"] = worst
-    np.bitwise_or.at(
-        records["proxies"], parent, np.left_shift(1, proxies.child).astype(np.uint8)
-    )
-    return replace(proxies, error_m=np.maximum(error, worst[child]))
-
-
-def _encoded(
-    records: NDArray[np.void], tree: Tree, child: Ints, own: OwnObjects, proxies: Proxies
-) -> tuple[list[tuple[int, bytes]], Ints]:
-    """Encode every tile, and say in the records how large it is and its checksum."""
-    parent = tree.parent[child]
-    where = np.flatnonzero(tree.has_own | np.isin(np.arange(len(records)), parent))
-    proxy_first = np.searchsorted(parent, where)
-    proxy_last = np.searchsorted(parent, where, side="right")
-    tiles = []
-    for k, place in enumerate(where.tolist()):
-        own_range = slice(int(tree.own_first[place]), int(tree.own_last[place]))
-        proxy_range = slice(int(proxy_first[k]), int(proxy_last[k]))
-        cell = int(tree.cell[place])
-        tile = make_tile(cell, own, proxies, own_range, proxy_range)
-        body = encode(tile)
-        records["tile_bytes"][place] = len(body)
-        records["memory_bytes"][place] = _memory_bytes(tile)
-        records["check"][place] = checksum(Lane.OBJECTS, cell, body)
-        tiles.append((cell, body))
-    return tiles, where
-
-
-def _memory_bytes(tile: ObjectTile) -> int:
-    tables = tile.objects.nbytes + tile.proxies.nbytes
-    return HEADER.itemsize + tile.mesh.gpu_bytes + int(tables)

@@ -2,14 +2,18 @@
 """From meshes of buildings and proxies to the tile of one cell."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ingest.extrude import Prisms
 from ingest.object_index import Drawn, drawn_of
 from tiles.frames import Ecef, Floats, Ints, Local
 from tiles.mesh import Mesh, quantise
 from tiles.objects import OBJECT, PROXY, PROXY_ORDINAL, ObjectTile
+
+A = TypeVar("A", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +81,10 @@ def make_tile(
         (m, m.vertex_start[s.start : s.stop + 1], m.triangle_start[s.start : s.stop + 1])
         for m, s in parts
     ]
-    position = np.concatenate([m.ecef[v[0] : v[-1]] for m, v, _ in spans])
+    position = _joined([m.ecef[v[0] : v[-1]] for m, v, _ in spans])
     centre = Ecef((position.min(axis=0) + position.max(axis=0)) / 2)
     steps, scale_m = quantise(Local(position - centre))
-    vertices = np.concatenate([m.prisms.vertices[v[0] : v[-1]] for m, v, _ in spans])
+    vertices = _joined([m.prisms.vertices[v[0] : v[-1]] for m, v, _ in spans]).copy()
     vertices["position"] = steps
     own_vertices = np.diff(spans[0][1])
     vertices["detail"][:, 1] = PROXY_ORDINAL
@@ -88,10 +92,10 @@ def make_tile(
     vertices["detail"][: len(ordinal), 1] = np.minimum(ordinal, PROXY_ORDINAL - 1)
     shift = (0, len(ordinal))
     triangles = [
-        m.prisms.triangles[t[0] : t[-1]] - v[0] + k
+        m.prisms.triangles[t[0] : t[-1]] - (v[0] - k)
         for (m, v, t), k in zip(spans, shift, strict=True)
     ]
-    indices = np.concatenate(triangles).ravel().astype(np.uint16)
+    indices = _joined(triangles).ravel().astype(np.uint16)
     mesh = Mesh(centre, scale_m, vertices, indices)
     ends = [3 * (t[1:] - t[0]) for _, _, t in spans]
     first_proxy = 3 * int(spans[0][2][-1] - spans[0][2][0])
@@ -99,6 +103,12 @@ def make_tile(
     return ObjectTile(
         cell, mesh, objects, _proxy_table(proxies, proxy_range, first_proxy, ends[1])
     )
+
+
+def _joined(parts: list[NDArray[A]]) -> NDArray[A]:
+    """Join what is there; leaves have no proxies, most other cells no objects."""
+    there = [part for part in parts if len(part)]
+    return there[0] if len(there) == 1 else np.concatenate(parts)
 
 
 def _object_table(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles import cells, geodesy
-from tiles.frames import Floats, Ints
+from tiles.frames import Ecef, Floats, Ints
 
 MAX_PROXIED_M = 80_000.0
 """Cells hold proxies when they, or their content, are no wider: a city, not a country."""
@@ -17,13 +17,13 @@ MIN_TOP_OBJECTS = 5
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """Cells with content at or below them, up to the zone roots, sorted by id."""
+    """Cells with content at or below them, sorted by id, up to one root or many."""
 
     cell: Ints
     """(c,)"""
     level: Ints
     parent: Ints
-    """(c,) position of the parent, -1 for zone roots"""
+    """(c,) position of the parent, -1 for roots"""
     first: Ints
     last: Ints
     """(c,) the subtree's objects, last not included; objects are sorted by cell"""
@@ -35,6 +35,11 @@ class Tree:
     def has_own(self) -> NDArray[np.bool_]:
         """Tell which cells hold objects themselves, (c,)."""
         return self.own_last > self.own_first
+
+    @property
+    def object_cell(self) -> Ints:
+        """Return the cell of each object, (n,)."""
+        return np.repeat(self.cell, self.own_last - self.own_first)
 
     def children_mask(self) -> NDArray[np.uint8]:
         """Return for each cell a bit for each child in the tree, (c,)."""
@@ -48,13 +53,13 @@ class Tree:
         """Carry values up: each cell gets `how` over its own and its descendants'."""
         value = value.copy()
         for level in range(int(self.level.max(initial=0)), 0, -1):
-            here = np.flatnonzero(self.level == level)
+            here = np.flatnonzero((self.level == level) & (self.parent >= 0))
             how.at(value, self.parent[here], value[here])
         return value
 
 
 def build_tree(object_cell: Ints) -> Tree:
-    """Return the tree of objects' cells, (n,) sorted."""
+    """Return the tree of objects' cells, (n,) sorted, up to the zone roots."""
     found = np.unique(object_cell)
     known = [found]
     for depth in range(int(cells.level(found).max(initial=0)) - 1, -1, -1):
@@ -76,20 +81,37 @@ def build_tree(object_cell: Ints) -> Tree:
     )
 
 
-def proxied_children(tree: Tree, radius_m: Floats) -> Ints:
+def contents_m(tree: Tree, place: Ecef, dimension_m: Floats) -> Floats:
+    """Return how wide cells or their content are, whichever is less, (c,) m.
+
+    Parameters
+    ----------
+    place : (n, 3) centres of the objects, in the tree's order
+    dimension_m : (n,)
+    """
+    width_m = geodesy.cell_edge_m(tree.cell)
+    for k in np.flatnonzero(width_m > MAX_PROXIED_M).tolist():
+        mine = place[tree.first[k] : tree.last[k]]
+        middle = (mine.min(axis=0) + mine.max(axis=0)) / 2
+        away = np.linalg.norm(mine - middle, axis=1)
+        reach_m = float((away + dimension_m[tree.first[k] : tree.last[k]]).max())
+        width_m[k] = min(width_m[k], 2 * reach_m)
+    return np.asarray(width_m)
+
+
+def proxied_children(tree: Tree, width_m: Floats) -> Ints:
     """Return the cells (positions) that get a proxy, sorted by parent, then id.
 
-    `radius_m`, (c,), is that of a sphere around each cell's buildings. A cell holds a
-    proxy for each child when it branches, or has objects of its own. A chain of single
-    children needs none, but the cell above the topmost tile of a city does: there the
-    whole city is one proxy.
+    `width_m`, (c,), is that of each cell or of its content. A cell holds a proxy for each
+    child when it branches, or has objects of its own. A chain of single children needs
+    none, but the cell above the topmost tile of a city does: there the whole city is one
+    proxy.
     """
     below = tree.parent >= 0
     child_count = np.bincount(tree.parent[below], minlength=len(tree.cell))
-    edge_m = geodesy.cell_edge_m(tree.cell)
-    narrow = np.minimum(edge_m, 2 * radius_m) <= MAX_PROXIED_M
+    narrow = width_m <= MAX_PROXIED_M
     holds = narrow & (child_count > 0) & ((child_count > 1) | tree.has_own)
-    covered = _has_above(tree, holds)
+    covered = descends(tree, holds)
     worth = tree.last - tree.first >= MIN_TOP_OBJECTS
     top = (holds | tree.has_own) & ~covered & worth & below
     above = tree.parent[top]
@@ -98,11 +120,18 @@ def proxied_children(tree: Tree, radius_m: Floats) -> Ints:
     return child[np.lexsort((tree.cell[child], tree.parent[child]))]
 
 
-def _has_above(tree: Tree, holds: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which cells have an ancestor among those that hold proxies."""
+def below_proxies(tree: Tree, held: Ints) -> NDArray[np.bool_]:
+    """Tell which cells have a proxy, or an ancestor that has one, (c,)."""
+    wanted = np.zeros(len(tree.cell), bool)
+    wanted[held] = True
+    return np.asarray(wanted | descends(tree, wanted))
+
+
+def descends(tree: Tree, among: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which cells have an ancestor among some, (c,)."""
     covered = np.zeros(len(tree.cell), bool)
     for level in range(1, int(tree.level.max(initial=0)) + 1):
-        here = np.flatnonzero(tree.level == level)
+        here = np.flatnonzero((tree.level == level) & (tree.parent >= 0))
         above = tree.parent[here]
-        covered[here] = covered[above] | holds[above]
+        covered[here] = covered[above] | among[above]
     return covered

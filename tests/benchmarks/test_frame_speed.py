@@ -24,7 +24,8 @@ from tiles import cells
 from tiles.lanes import Lane
 from viewer.arena import ArenaSize
 from viewer.camera import Pose, view_state
-from viewer.renderer import FrameStats, Renderer
+from viewer.frame_stats import FrameStats
+from viewer.renderer import Renderer
 
 SIZE = (960, 540)
 ROOM = ArenaSize(vertex_bytes=64 << 20, index_bytes=32 << 20, layers=64, objects=1 << 16)

@@ -23,7 +23,9 @@ from rasterio.enums import Resampling
 from rasterio.windows import Window
 
 from ingest.bc1 import encode
+from ingest.relief import lattice_slopes
 from ingest.surface_texture import colours
+from ingest.terrain_mesh import lattice_places
 from tests.ingest.test_bc1 import levels
 from tiles import cells
 from tiles.codec import zstd
@@ -98,7 +100,9 @@ def pictures() -> dict[str, Colours]:
     with rasterio.open(SAMPLES / "langtang.tif") as dataset:
         posts = dataset.read(1, window=Window(500, 200, 131, 131)).astype(float)
     cell = int(cells.cell_at(np.radians(85.5), np.radians(28.1), 9))
-    found = {"tint": colours(cell, posts[::-1], posts[::-1], [])}
+    height_m, slopes = posts[::-1], np.ones((129, 129, 3))
+    slopes[..., :2] = lattice_slopes(*lattice_places(cell, 128, margin=1), height_m)
+    found = {"tint": colours(cell, slopes, height_m[1:-1, 1:-1], [])}
     for name in ("langtang", "sanfrancisco"):
         with rasterio.open(SAMPLES / f"{name}_ground.tif") as dataset:
             middle = Window(dataset.width // 2, dataset.height // 2, 256, 256)

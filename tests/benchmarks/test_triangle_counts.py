@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 from geopage.screen_error import lens_of, px_per_m_of
 from geopage.selection import ideal
 from geopage.view import ViewState
+from ingest.boxes import window_in
 from ingest.deviation import deviation_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain import ingest_rasters
 from ingest.terrain_mesh import CORNERS, Meshing, Places, Surface, on_map, snapped
-from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, window_in
+from ingest.terrain_tile import LEAF_SIDE, inner_bound_m
 from ingest.triangulation import Triangulation
 from ingest.truth import Truth, places_of, points_at, truth_of
 from tests.benchmarks.test_sampled_heights import cut

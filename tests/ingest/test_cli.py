@@ -270,6 +270,55 @@ def test_buildings_on_a_bare_store_and_away_again(
     capsys.readouterr()
 
 
+def test_strict_is_1_when_a_footprint_was_skipped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    town = squares(tmp_path / "town.geojson")
+    words = ["ingest", "buildings", str(tmp_path / "a.geopage"), str(town), "--bare"]
+    assert main([*words, "--strict", "--height", "h"]) == 0
+    data = json.loads(town.read_text())
+    data["features"].append({"type": "Feature", "properties": {}, "geometry": None})
+    town.write_text(json.dumps(data))
+    assert main([*words, "--height", "h"]) == 0
+    assert main([*words, "--strict", "--height", "h", "--json"]) == 1
+    report = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert report["skipped_by_reason"] == {"no geometry": 1}
+    assert report["read"] == report["stored"] + report["merged"] + report["skipped"]
+
+
+def test_an_interrupted_ingest_of_buildings_leaves_the_store_as_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, town = str(tmp_path / "a.geopage"), str(squares(tmp_path / "town.geojson"))
+    words = ["ingest", "buildings", store, town, "--height", "h", "--bare"]
+    assert main(words) == 0
+    with Store(store) as opened:
+        before = list(opened.connection.iterdump())
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("ingest.object_build.make_branch", interrupt)
+        assert main(words) == 130
+    assert capsys.readouterr().err.endswith("run the same command again to go on\n")
+    with Store(store) as opened:
+        assert list(opened.connection.iterdump()) == before
+    assert main(words) == 0
+
+
+def test_files_on_a_fresh_store_are_checked_before_the_earth_is_meshed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ingest.cli_buildings.ingest_rasters", pytest.fail)
+    good, bad = squares(tmp_path / "town.geojson"), tmp_path / "bad.geojson"
+    bad.write_text('{"type": "FeatureCollection", "features": []}')
+    words = ["ingest", "buildings", str(tmp_path / "a.geopage"), str(good), str(bad)]
+    assert main(words) == 2
+    assert "bad.geojson" in capsys.readouterr().err
+    assert not (tmp_path / "a.geopage").exists()
+
+
 def test_terrain_under_buildings_grounds_them_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,27 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The objects lane as a whole: tiles, proxies and the index that decides about them."""
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 import pytest
 import shapely
+import trimesh
 
-from ingest.object_pyramid import Buildings, Pyramid, build_pyramid, dimensions_m
+from ingest.object_pyramid import Buildings
 from ingest.repair import repair
+from ingest.shapes import Shapes, dimensions_m
+from tests.ingest.pyramids import Built, both, build, renumbered
 from tiles import cells, geodesy
 from tiles.codec import checksum
-from tiles.forest import Forest, build_forest
 from tiles.index_tree import is_monotone
 from tiles.lanes import Lane
 from tiles.mesh import ROOF
-from tiles.objects import PROXY_ORDINAL, ObjectTile, decode, prefix_end
+from tiles.objects import PROXY_ORDINAL, prefix_end
 
 DEGREE_M = 111_194.0
-
-
-def silent(done: int, total: int, what: str) -> None:
-    """Report no progress."""
 
 
 def city(rng: np.random.Generator, count: int, lon: float, lat: float) -> Buildings:
@@ -40,40 +36,20 @@ def city(rng: np.random.Generator, count: int, lon: float, lat: float) -> Buildi
     polygon = repair(np.array(shapes, object)).polygon
     ground = 50 + at[:, 0] / 50
     height = rng.uniform(3, 40, count)
-    return Buildings(
-        np.arange(count),
-        polygon,
-        ground - 1,
-        ground,
-        ground + height,
-        dimensions_m(polygon, height),
-    )
+    none = np.full(count, None, object)
+    flat = np.zeros((count, 2))
+    shapes = Shapes(polygon, ground - 1, ground, ground + height, none, flat)
+    return Buildings(np.arange(count), dimensions_m(polygon, height), shapes)
 
 
-def both(a: Buildings, b: Buildings) -> Buildings:
-    pairs = [(getattr(a, name), getattr(b, name)) for name in Buildings.__slots__]
-    return Buildings(*(np.concatenate(pair) for pair in pairs))
-
-
-@dataclass(frozen=True)
-class Built:
-    buildings: Buildings
-    pyramid: Pyramid
-    forest: Forest
-    tiles: dict[int, ObjectTile]
-
-
-@pytest.fixture(scope="module")
-def built() -> Built:
+@pytest.fixture(scope="module", params=[100_000, 150], ids=["one branch", "branches"])
+def built(request: pytest.FixtureRequest) -> Built:
     rng = np.random.default_rng(7)
     # One town across a corner of four zones, one inside a zone, and a farm.
     buildings = both(city(rng, 500, 0.0, 45.0), city(rng, 400, 7.4, 43.73))
     buildings = both(buildings, city(rng, 2, 12.6, 43.8))
-    buildings = replace(buildings, id=rng.permutation(902) + 1000)
-    pyramid = build_pyramid(buildings, silent)
-    records = pyramid.named(list(range(1, len(pyramid.tiles) + 1)))
-    tiles = {cell: decode(body) for cell, body in pyramid.tiles}
-    return Built(buildings, pyramid, build_forest(records), tiles)
+    buildings = renumbered(buildings, rng.permutation(902) + 1000)
+    return build(buildings, request.param)
 
 
 def test_every_building_is_in_one_tile_once_largest_first(built: Built) -> None:
@@ -82,7 +58,7 @@ def test_every_building_is_in_one_tile_once_largest_first(built: Built) -> None:
     for cell, tile in built.tiles.items():
         by_id = np.argsort(built.buildings.id)
         order = by_id[np.searchsorted(built.buildings.id[by_id], tile.objects["id"])]
-        assert (built.pyramid.cell[order] == cell).all()
+        assert (built.cell[order] == cell).all()
         sizes = built.buildings.dimension_m[order]
         assert np.allclose(tile.objects["dimension_m"], sizes, rtol=1e-6)
         assert (np.diff(tile.objects["dimension_m"]) <= 0).all()
@@ -108,10 +84,10 @@ def test_a_buildings_roof_is_where_its_footprint_is(built: Built) -> None:
             k = int(np.flatnonzero(built.buildings.id == record["id"])[0])
             mine = tile.mesh.vertices["detail"][:, 1] == ordinal
             roof = mine & (tile.mesh.vertices["flags"] == ROOF)
-            corners = shapely.get_coordinates(built.buildings.polygon[k])[:-1]
+            corners = shapely.get_coordinates(built.buildings.shapes.polygon[k])[:-1]
             place = np.degrees(np.column_stack((lon, lat)))[roof]
             assert np.abs(place - corners).max() * DEGREE_M < 3 * tile.mesh.scale_m
-            top, foot = built.buildings.top_m[k], built.buildings.foot_m[k]
+            top, foot = built.buildings.shapes.top_m[k], built.buildings.shapes.foot_m[k]
             assert np.abs(height[roof] - top).max() < 3 * tile.mesh.scale_m
             assert abs(height[mine].min() - foot) < 3 * tile.mesh.scale_m
             away = np.linalg.norm(tile.mesh.local[mine] - record["centre"], axis=1)
@@ -128,7 +104,7 @@ def test_proxies_come_after_the_objects_and_stand_for_one_child_each(built: Buil
             used = tile.mesh.indices[proxy["index_start"] : end]
             assert (tile.mesh.vertices["detail"][used, 1] == PROXY_ORDINAL).all()
             child = cells.children(cell)[proxy["child"]]
-            assert proxy["count"] == cells.contains(child, built.pyramid.cell).sum()
+            assert proxy["count"] == cells.contains(child, built.cell).sum()
             held += 1
         assert end == len(tile.mesh.indices)
         assert len(set(tile.proxies["child"].tolist())) == len(tile.proxies)
@@ -156,7 +132,7 @@ def test_each_town_is_one_proxy_from_far_away(built: Built) -> None:
     assert len(top.proxies) == 1
     assert top.proxies["count"][0] == 400
     assert len(top.objects) == 0
-    assert top.proxies["dimension_m"][0] > 2000
+    assert top.proxies["dimension_m"][0] > 400
 
 
 def test_errors_and_dimensions_never_grow_downwards(built: Built) -> None:
@@ -202,17 +178,60 @@ def test_the_index_is_connected_up_to_the_zone_roots(built: Built) -> None:
 
 
 def test_the_index_names_each_tile_with_its_checksum_and_sizes(built: Built) -> None:
-    records = built.pyramid.named(list(range(1, len(built.pyramid.tiles) + 1)))
-    for row, (cell, body) in enumerate(built.pyramid.tiles, start=1):
-        record = records[records["row"] == row][0]
-        assert record["cell"] == cell
+    for record in built.records[built.records["row"] > 0]:
+        cell = int(record["cell"])
+        body = built.bodies[cell]
         assert record["check"] == checksum(Lane.OBJECTS, cell, body)
         assert record["tile_bytes"] == len(body)
         assert record["memory_bytes"] >= built.tiles[cell].mesh.gpu_bytes
+        children = sum(1 << int(k) for k in built.tiles[cell].proxies["child"])
+        assert record["proxies"] == children
+
+
+def test_a_proxys_error_is_no_less_than_how_far_roofs_are_off_it(built: Built) -> None:
+    shapes, looked_at = built.buildings.shapes, 0
+    for cell, tile in built.tiles.items():
+        for proxy in tile.proxies[tile.proxies["count"] > 20]:
+            child = cells.children(cell)[proxy["child"]]
+            which = slice(int(proxy["index_start"]), int(proxy["index_end"]))
+            faces = tile.mesh.local[tile.mesh.indices[which].reshape(-1, 3)]
+            for k in np.flatnonzero(cells.contains(child, built.cell))[:4].tolist():
+                corners = np.radians(shapely.get_coordinates(shapes.polygon[k]).T)
+                roof = geodesy.to_ecef(*corners, shapes.top_m[k]) - tile.mesh.centre
+                # Where nothing is drawn, the ground is: a house left out is off by its
+                # height. A roof inside a box is not seen.
+                off_m = min(shapes.top_m[k] - shapes.ground_m[k], distance_m(roof, faces))
+                low, high = faces.min(axis=(0, 1)), faces.max(axis=(0, 1))
+                if ((roof < low) | (roof > high)).any():
+                    assert off_m <= proxy["error_m"]
+                    looked_at += 1
+    assert looked_at > 10
+
+
+def distance_m(points: np.ndarray, faces: np.ndarray) -> float:
+    """The largest distance of a point to the nearest of some triangles, by trimesh."""
+    every = np.repeat(faces, len(points), axis=0), np.tile(points, (len(faces), 1))
+    away = np.linalg.norm(trimesh.triangles.closest_point(*every) - every[1], axis=1)
+    return float(away.reshape(len(faces), -1).min(axis=0).max())
+
+
+def test_branches_hold_the_same_cells_and_tiles_below_the_crown() -> None:
+    rng = np.random.default_rng(3)
+    town = city(rng, 600, 7.4, 43.73)
+    whole, cut = build(town, 10_000), build(town, 100)
+    assert cut.branches > 4
+    assert np.array_equal(whole.cell, cut.cell)
+    assert whole.tiles.keys() == cut.tiles.keys()
+    for cell, tile in whole.tiles.items():
+        other = cut.tiles[cell]
+        assert np.array_equal(tile.objects["id"], other.objects["id"])
+        assert np.array_equal(tile.proxies["child"], other.proxies["child"])
+        assert np.array_equal(tile.proxies["count"], other.proxies["count"])
+    leaf = [cell for cell, tile in whole.tiles.items() if not len(tile.proxies)]
+    assert all(whole.bodies[cell] == cut.bodies[cell] for cell in leaf)
 
 
 def test_no_buildings_make_no_tiles() -> None:
     none = np.zeros(0)
-    empty = Buildings(none.astype(int), np.zeros(0, object), none, none, none, none)
-    pyramid = build_pyramid(empty, silent)
-    assert len(pyramid.records) == len(pyramid.tiles) == len(pyramid.cell) == 0
+    empty = build(Buildings(none.astype(int), none, Shapes.joined([])), 10)
+    assert len(empty.records) == len(empty.tiles) == len(empty.cell) == 0

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A cell's mesh, refined, measured and mended until it is within its bound.
+
+Insertion sees the places that a cell is made of; what is found too far elsewhere
+(another post, or a line between posts) becomes a place, and the mesh is refined on.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.boxes import window_in
+from ingest.deviation import Deviation, deviation_of
+from ingest.terrain_mesh import Meshing, Places, Surface, at_pole, snapped
+from ingest.truth import Truth, points_at
+from tiles.frames import Floats
+from tiles.mesh import UV_ONE
+
+ROUNDS = 16
+"""Most rounds of mending"""
+BESIDE = 1 / 64
+"""Fraction of a cell within which a place is beside its edge"""
+NEARLY_ALL = 0.75
+"""A leaf that needs more of its posts than this takes all: then nothing is missed."""
+Fitted = tuple[Surface, float]
+"""A surface and its largest distance from what its cell stands for, m"""
+
+
+def fitted(
+    cell: int,
+    places: Places,
+    bound_m: float,
+    truths: Sequence[Truth],
+    *,
+    leaf: bool,
+) -> Fitted:
+    """Mesh a cell so that all it stands for is within a bound, and measure it.
+
+    Parameters
+    ----------
+    truths : of all leaves in the cell
+    leaf : every post of the truths is among the places; errors are measured along the
+        vertical, so that a height read from the mesh is off by no more
+
+    Returns
+    -------
+    surface : of the round that came closest
+    error_m : its largest distance from the truths
+    """
+    fitting = Fitting(cell, places, truths, leaf=leaf)
+    if leaf and _is_rough(truths, fitting.goal_m(bound_m)):
+        fitting.take_all()
+    best = fitting.within(bound_m, ROUNDS)
+    if leaf and best[1] > fitting.goal_m(bound_m) + fitting.slack_m and not at_pole(cell):
+        whole = Fitting(cell, places, truths, leaf=leaf)
+        whole.take_all()
+        best = min(best, whole.within(bound_m, ROUNDS), key=_error)
+    return best
+
+
+class Fitting:
+    """A cell's mesh while it is fitted to what the cell stands for."""
+
+    def __init__(
+        self, cell: int, places: Places, truths: Sequence[Truth], *, leaf: bool
+    ) -> None:
+        self._cell, self._leaf = cell, leaf
+        self._meshing = Meshing(cell, places, upright=leaf)
+        self._truths, self._found = truths, list[Deviation]()
+        self._windows = [window_in(cell, one.cell) for one in truths]
+        self.slack_m = max(truth.slack_m for truth in truths)
+
+    def goal_m(self, bound_m: float) -> float:
+        """Return how close posts must be: closer than half of what is unknown is wasted."""
+        return max(bound_m - self.slack_m, bound_m / 2, self.slack_m / 2)
+
+    def take_all(self) -> None:
+        """Insert all places."""
+        self._meshing.refine_wholly()
+
+    def within(self, bound_m: float, rounds: int) -> Fitted:
+        """Mesh, measure and mend until the bound is kept, or after some rounds."""
+        goal_m = self.goal_m(bound_m)
+        best = self._refined(goal_m)
+        for _ in range(rounds):
+            if best[1] <= bound_m or not self._add_too_far(goal_m):
+                break
+            best = min(best, self._refined(goal_m), key=_error)
+        return best
+
+    def _refined(self, goal_m: float) -> Fitted:
+        """Insert places, and measure what has changed."""
+        self._meshing.refine(goal_m)
+        surface = self._meshing.surface()
+        before: list[Deviation | None] = [*self._found] or [None] * len(self._truths)
+        self._found = [
+            deviation_of(surface, window, truth, known, upright=self._leaf)
+            for window, truth, known in zip(
+                self._windows, self._truths, before, strict=True
+            )
+        ]
+        return surface, max(one.largest_m for one in self._found)
+
+    def _add_too_far(self, goal_m: float) -> bool:
+        """Add the place where each triangle is furthest from the truths, if it is too far.
+
+        Beside the cell's edge the place on the edge becomes a vertex too, or ever thinner
+        triangles would creep up to it. False when there is no room for more.
+        """
+        squared = np.stack([one.squared for one in self._found])
+        which = squared.argmax(axis=0)
+        far = squared.max(axis=0) > goal_m**2
+        at, points, near = [], [], []
+        for k in np.unique(which[far]):
+            one, mine = self._found[k], np.flatnonzero(far & (which == k))
+            uv, beside = one.uv[mine], np.flatnonzero(is_beside_rim(one.uv[mine]))
+            at.append(snapped(np.concatenate([uv, on_rim(uv[beside])])))
+            near.append(np.concatenate([mine, mine[beside]]))
+            window = self._windows[k]
+            there = points_at(one.truth, (at[-1] / UV_ONE - window[:2]) / window[2])
+            points.append(there + one.truth.centre)
+        if not at:
+            return False
+        found = np.concatenate(at), np.concatenate(points), np.concatenate(near)
+        return self._meshing.add(*found)
+
+
+def _error(result: Fitted) -> float:
+    return result[1]
+
+
+def _is_rough(truths: Sequence[Truth], goal_m: float) -> bool:
+    """Say whether nearly all posts of a leaf are too far from between their neighbours.
+
+    Such a leaf takes all of its posts, with the source's own triangles.
+    """
+    if len(truths) > 1:
+        return False
+    posts = truths[0].points
+    east = posts[1:-1, 1:-1] - (posts[1:-1, 2:] + posts[1:-1, :-2]) / 2
+    north = posts[1:-1, 1:-1] - (posts[2:, 1:-1] + posts[:-2, 1:-1]) / 2
+    far = np.maximum((east**2).sum(axis=-1), (north**2).sum(axis=-1)) > goal_m**2
+    return bool(far.mean() > NEARLY_ALL)
+
+
+def is_beside_rim(uv: Floats) -> NDArray[np.bool_]:
+    """Say which places, (n, 2), are near the cell's edge."""
+    return np.asarray(((uv < BESIDE) | (uv > 1 - BESIDE)).any(axis=1))
+
+
+def on_rim(uv: Floats) -> Floats:
+    """Return the places on the cell's edges beside places near them, (n, 2)."""
+    return np.asarray(np.where((uv < BESIDE) | (uv > 1 - BESIDE), np.round(uv), uv))
