@@ -6,12 +6,40 @@ and moves: it is coarse in all directions and fine in a cone around the view axi
 renderer culls it with its own newest pose.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.screen_error import STILL, Sweep
 from geopage.view import ViewState
+
+
+@dataclass(frozen=True, slots=True)
+class Fade:
+    """When each entry of a list's `objects` comes and goes, on the flight's clock."""
+
+    since_s: NDArray[np.float64]
+    """(m,) -inf: long ago"""
+    until_s: NDArray[np.float64]
+    """(m,) inf: the list's own selection has it"""
+    seconds: float
+    """How long it takes to come, and to go."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether every pixel shows every entry."""
+        return not np.isfinite((self.since_s, self.until_s)).any()
+
+    def shares(self, t_s: float) -> NDArray[np.float32]:
+        """Return which part of the screen's pattern, 0 to 1, shows each entry.
+
+        Returns
+        -------
+        shares : (m, 2) from and to; those of parts that replace each other join exactly
+        """
+        ages = (t_s - np.stack((self.until_s, self.since_s), axis=1)) / self.seconds
+        return np.clip(ages, 0.0, 1.0).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +57,7 @@ class DrawList:
     stand_in: NDArray[np.bool_]
     """(n,) coarser than wanted, drawn until the wanted tile is uploaded"""
     objects: NDArray[np.int32]
-    """(m,) forest rows of object tiles"""
+    """(m,) forest rows of object tiles; while something fades, a row can be there again"""
     own: NDArray[np.bool_]
     """(m,) draw the cell's own objects above the object threshold"""
     proxies: NDArray[np.uint8]
@@ -39,3 +67,19 @@ class DrawList:
     object_threshold_px: float
     settled: bool
     """Nothing was wanted that was not uploaded, and nothing was in flight."""
+    sweep: Sweep = STILL
+    """How the view moved: with a shutter, what moves fast was selected with less detail."""
+    fade: Fade | None = None
+    """None: every entry of `objects` is drawn at every pixel."""
+
+    def shares(self, t_s: float) -> NDArray[np.float32]:
+        """Return `Fade.shares`, (m, 2), or (0, 2) when nothing fades."""
+        return self.fade.shares(t_s) if self.fade else np.zeros((0, 2), np.float32)
+
+    def solid(self) -> "DrawList":
+        """Return the list as it is when the fades are over."""
+        if self.fade is None:
+            return self
+        stay = np.isinf(self.fade.until_s)
+        objects, own, proxies = self.objects[stay], self.own[stay], self.proxies[stay]
+        return replace(self, objects=objects, own=own, proxies=proxies, fade=None)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.screen_error import Lens, px_per_m
+from geopage.screen_error import Lens, blur_px, px_per_m
 from geopage.tree import F8, U1, Tree
 from tiles.forest import Rows
 from tiles.kernels import inlined, kernel
@@ -108,8 +108,9 @@ def visit(
     Parameters
     ----------
     tree, lens : the objects and the view
-    tau : largest screen error of proxies, and their smallest size, px
-    object_tau : smallest bounding dimension of objects, px
+    tau : largest screen error of proxies, and their smallest size, px; where all moves
+        faster, `blur_px` instead
+    object_tau : smallest bounding dimension of objects, px; likewise
     uploaded : (n,) 1 where the tile can be drawn
     """
     n = len(tree.parent)
@@ -117,30 +118,38 @@ def visit(
     below, scale = np.empty((n, 4), np.int32), np.empty(n, np.float64)
     own, go_on = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
     proxies, held = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+    blur = np.empty(n, np.float64)
     # Handing a whole tree to a function costs more than such a function does.
     centre, radius_m = tree.centre, tree.radius_m
     subtree_m, proxy_m = tree.subtree_m, tree.proxy_m
-    count = 0
+    moves, count = lens.sweep.shutter_s > 0.0, 0
     for root in tree.roots:
         x, y, z = centre[root]
         scale[count] = px_per_m(lens, x, y, z, radius_m[root])
-        if is_seen(subtree_m[root], proxy_m[root], scale[count], tau, object_tau):
+        blur[count] = blur_px(lens, x, y, z, radius_m[root]) if moves else 0.0
+        if is_seen(
+            subtree_m[root], proxy_m[root], scale[count], blur[count], tau, object_tau
+        ):
             rows[count], above[count] = root, -1
             count += 1
     i = 0
     while i < count:
         row = rows[i]
         below[i] = -1
-        own[i] = tree.has_tile[row] and (held[i] or tree.own_m[row] * scale[i] > object_tau)
-        rough = tree.error_m[row] * scale[i] > tau
-        shown = proxy_m[row] * scale[i] > tau or held[i]
+        least, own_px = max(tau, blur[i]), tree.own_m[row] * scale[i]
+        own[i] = tree.has_tile[row] and (held[i] or own_px > max(object_tau, blur[i]))
+        rough = tree.error_m[row] * scale[i] > least
+        shown = proxy_m[row] * scale[i] > least or held[i]
         for k in range(4):
             child, proxy = tree.children[row, k], tree.proxies[row] >> k & 1
             if child < 0:
                 continue
             x, y, z = centre[child]
             scale[count] = px_per_m(lens, x, y, z, radius_m[child])
-            seen = is_seen(subtree_m[child], proxy_m[child], scale[count], tau, object_tau)
+            blur[count] = blur_px(lens, x, y, z, radius_m[child]) if moves else 0.0
+            seen = is_seen(
+                subtree_m[child], proxy_m[child], scale[count], blur[count], tau, object_tau
+            )
             better = seen and (rough or not proxy) and not held[i]
             go_on[i] |= better << k
             proxies[i] |= (not better and proxy and shown) << k
@@ -164,10 +173,16 @@ def visit(
 
 @inlined
 def is_seen(
-    subtree_m: float, proxy_m: float, scale: float, tau: float, object_tau: float
+    subtree_m: float,
+    proxy_m: float,
+    scale: float,
+    blur: float,
+    tau: float,
+    object_tau: float,
 ) -> bool:
-    """Say whether anything at or below a cell is large enough on the screen."""
-    return bool(subtree_m * scale > object_tau or proxy_m * scale > tau)
+    """Say whether any object, or any proxy, at or below a cell is large enough."""
+    objects = subtree_m * scale > max(object_tau, blur)
+    return bool(objects or proxy_m * scale > max(tau, blur))
 
 
 @kernel

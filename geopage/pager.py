@@ -23,15 +23,15 @@ from geopage.handoff import Signal, ViewSlot
 from geopage.manager import TileManager
 from geopage.priority_queue import PriorityQueue
 from geopage.residency import Residency
-from geopage.scene import REST_S, SceneManager, World, empty_list
+from geopage.scene import SceneManager, World, empty_list
 from geopage.selection import Thresholds, trees_of, warm_up
 from geopage.server import TileServer
 from geopage.settings import PagerSettings
-from geopage.source import Line, StoreSource, ThrottledSource, TileSource
+from geopage.source import Line, StoreSource, ThrottledSource, TileSource, decoders
+from geopage.styling import Styling
 from geopage.tile_state import State
 from geopage.tree import tree_bytes
 from geopage.view import ViewState
-from tiles import objects, terrain
 from tiles.forest import build_forest
 from tiles.frames import Ecef
 from tiles.lanes import Lane
@@ -42,10 +42,6 @@ LEAST_PAUSE_S = 2e-3
 SWITCH_INTERVAL_S = 1e-3
 """Longer than other threads hold the GIL at a time; see THREADS.md."""
 CLOSE_S = 2.0
-_DECODE: dict[Lane, Callable[[bytes], object]] = {
-    Lane.TERRAIN: terrain.decode,
-    Lane.OBJECTS: objects.decode,
-}
 
 
 class Pager:
@@ -55,10 +51,14 @@ class Pager:
     ----------
     store_path : path of a .geopage file
     settings : thresholds, budget, throttle
+    styling : colours of the objects
     """
 
     def __init__(
-        self, store_path: str | Path, settings: PagerSettings | None = None
+        self,
+        store_path: str | Path,
+        settings: PagerSettings | None = None,
+        styling: Styling | None = None,
     ) -> None:
         self.settings = settings = settings or PagerSettings()
         with Store(store_path) as store:
@@ -81,12 +81,12 @@ class Pager:
             for lane in Lane
         }
         self._exchange = Exchange(trees, self._queue, self._residency, self._signal)
-        world = World(self.forests, trees, limits)
+        world = World(self.forests, trees, limits, settings.fade_s, settings.shutter_s)
         self._scene = SceneManager(
             world, self._views, self._signal, self._residency, self._managers
         )
         warm_up()
-        self._servers = self._make_servers(Path(store_path))
+        self._servers = self._make_servers(Path(store_path), styling)
         nowhere = ViewState(0.0, Ecef(np.zeros(3)), np.eye(3), 1.0, 1, 1)
         self._first = empty_list(nowhere, limits)
         self._closed = threading.Event()
@@ -96,10 +96,10 @@ class Pager:
         self.wake_ups: dict[str, int] = {}
         """How often each thread has had something to do."""
 
-    def _make_servers(self, path: Path) -> dict[Lane, TileServer]:
+    def _make_servers(self, path: Path, styling: Styling | None) -> dict[Lane, TileServer]:
         throttle = self.settings.throttle
         line = Line(throttle) if throttle else None
-        servers = {}
+        servers, decode = {}, decoders(styling)
         for lane in Lane:
             source: TileSource = StoreSource(path, lane)
             if line:
@@ -108,7 +108,7 @@ class Pager:
                 lane,
                 self.forests[lane].records,
                 source,
-                _DECODE[lane],
+                decode[lane],
                 self._queue,
                 self._residency,
                 self.faults,
@@ -168,6 +168,12 @@ class Pager:
 
     @property
     def settled(self) -> bool:
+        """Whether the newest view has all that it wants, and every fade is over."""
+        newest = self._scene.lists.peek()
+        return self.complete and newest is not None and newest.fade is None
+
+    @property
+    def complete(self) -> bool:
         """Whether the newest view has all that it wants, and nothing is on its way."""
         newest = self._scene.lists.peek()
         idle = not (self._signal.raised or self._residency.in_flight)
@@ -229,8 +235,8 @@ class Pager:
 
     def _run_scene(self, name: str) -> None:
         while True:
-            # While the view moves, one more step says whether it has come to rest.
-            self._signal.wait(REST_S if self._scene.moving else None)
+            # One more step says that the view has come to rest, or that a fade is over.
+            self._signal.wait(self._scene.wait_s(time.monotonic()))
             if self._closed.is_set():
                 return
             self.wake_ups[name] += 1

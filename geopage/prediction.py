@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geopage.handoff import same_pose
+from geopage.screen_error import STILL, Sweep
 from geopage.view import ViewState
 from tiles import cells, geodesy
 from tiles.forest import Forest
@@ -22,6 +23,7 @@ from tiles.frames import Ecef
 AHEAD: tuple[tuple[float, float], ...] = ((0.5, 0.7), (1.0, 0.5))
 """Seconds ahead, and the weight of what is wanted then."""
 WINDOW_S = 0.3
+SWEEP_S = 0.02
 LEAST_HEIGHT_M = 1.0
 JUMP_HEIGHTS = 5.0
 JUMP_M = 50.0
@@ -81,6 +83,15 @@ def motion_of(views: Sequence[ViewState], floor_m: float) -> Motion | None:
         rotation_vector(newest.rotation.T @ recent[start].rotation) / span_s,
         floor_m,
     )
+
+
+def sweep_of(view: ViewState, motion: Motion | None, shutter_s: float) -> Sweep:
+    """Return how a view moves, as a lens takes it; at rest, or with no shutter, `STILL`."""
+    if motion is None or not shutter_s:
+        return STILL
+    x, y, z = ((predict(view, motion, SWEEP_S).eye - view.eye) / SWEEP_S).tolist()
+    spin_x, spin_y, spin_z = motion.spin_rad_s.tolist()
+    return Sweep((x, y, z), (spin_x, spin_y, spin_z), shutter_s)
 
 
 def predict(view: ViewState, motion: Motion, ahead_s: float) -> ViewState:

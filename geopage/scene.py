@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene manager: the newest view becomes a draw list and two lists of wants."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,12 +11,13 @@ from geopage.benefit import merged_ranks
 from geopage.draw_list import DrawList
 from geopage.handoff import Signal, TripleBuffer, ViewSlot
 from geopage.manager import PageRequests, TileManager
-from geopage.prediction import AHEAD, Motion, ground_under, motion_of, predict
+from geopage.prediction import AHEAD, Motion, ground_under, motion_of, predict, sweep_of
 from geopage.pressure import MemoryPressure
 from geopage.residency import Residency
 from geopage.screen_error import Lens, lens_of
 from geopage.selection import Flags, Selection, Thresholds, Wants, select
-from geopage.tree import Tree
+from geopage.transitions import Transitions
+from geopage.tree import U1, Tree
 from geopage.view import ViewState
 from tiles.forest import Forest, Rows
 from tiles.lanes import Lane
@@ -34,6 +36,10 @@ class World:
     forests: Mapping[Lane, Forest]
     trees: Mapping[Lane, Tree]
     limits: Thresholds
+    fade_s: float
+    """how long objects take to turn into others"""
+    shutter_s: float
+    """time whose motion on the screen hides detail; 0: none"""
 
 
 class SceneManager:
@@ -60,7 +66,8 @@ class SceneManager:
         self._newest_s = 0.0
         self._turn = 0
         self._later: dict[float, Selection] = {}
-        self.moving = False
+        self._transitions = Transitions(world.fade_s)
+        self._moving = False
 
     def step(self, now_s: float) -> bool:
         """Publish a draw list for the newest view, if anything has changed.
@@ -69,8 +76,9 @@ class SceneManager:
         ----------
         now_s : any clock; a view that is not replaced for `REST_S` has come to rest
         """
-        stopped = self.moving and now_s - self._newest_s >= REST_S
-        if not (self._signal.clear() or stopped):
+        stopped = self._moving and now_s - self._newest_s >= REST_S
+        faded = now_s >= self._transitions.ends_s
+        if not (self._signal.clear() or stopped or faded):
             return False
         if not (history := self._views.history()):
             return False
@@ -78,7 +86,7 @@ class SceneManager:
         if view is not self._newest:
             self._newest, self._newest_s, stopped = view, now_s, False
         motion = None if stopped else self._motion(history)
-        self.moving = motion is not None
+        self._moving = motion is not None
         number, uploaded = self._residency.snapshot()
         limits = self._world.limits.times(self.pressure.factor)
         chosen = self._choose(view, motion, uploaded, limits)
@@ -89,11 +97,25 @@ class SceneManager:
         settled = not (waiting or adjusted or motion or self._residency.in_flight)
         if self._has_globe(uploaded):
             self._book_drawn(chosen)
-            self.lists.publish(chosen.draw_list(number, view, limits, settled=settled))
+            sweep = sweep_of(view, motion, self._world.shutter_s)
+            newest = chosen.draw_list(number, view, limits, sweep, settled=settled)
+            self._publish(newest, uploaded[Lane.OBJECTS], now_s)
         self._views.rest(None if motion else view)
         if adjusted:
             self._signal.set()
         return True
+
+    def wait_s(self, now_s: float) -> float | None:
+        """Return after which time to step again although nothing new was said."""
+        ends_s = (self._newest_s + REST_S) if self._moving else math.inf
+        left_s = min(ends_s, self._transitions.ends_s) - now_s
+        return None if math.isinf(left_s) else max(left_s, 0.0)
+
+    def _publish(self, newest: DrawList, uploaded: U1, now_s: float) -> None:
+        """Hand on the list; what fades out in it may go as soon as a prediction may."""
+        drawn = self._transitions.blend(newest, uploaded, now_s)
+        self._residency.used(Lane.OBJECTS, drawn.objects, drawn.number - 1)
+        self.lists.publish(drawn)
 
     def _choose(
         self, view: ViewState, motion: Motion | None, uploaded: Flags, limits: Thresholds
@@ -101,19 +123,22 @@ class SceneManager:
         # Stuck: finer tiles from before fill the memory that the coarser ones need.
         stuck = any(self._residency.stuck.values())
         refined = None if stuck or self._previous is None else self._previous.refined
-        lens = lens_of(view, motion.turn_rad_s if motion else 0.0)
+        lens = self._lens(view, motion)
         ahead = self._when_drawn(view, motion)
         self._previous = select(self._world.trees, lens, uploaded, limits, refined, ahead)
         return self._previous
 
-    @staticmethod
-    def _when_drawn(view: ViewState, motion: Motion | None) -> Lens | None:
+    def _lens(self, view: ViewState, motion: Motion | None) -> Lens:
+        sweep = sweep_of(view, motion, self._world.shutter_s)
+        return lens_of(view, motion.turn_rad_s if motion else 0.0, sweep=sweep)
+
+    def _when_drawn(self, view: ViewState, motion: Motion | None) -> Lens | None:
         """Return the view while its list is drawn, where things grow until then."""
         if motion is None:
             return None
         soon = predict(view, motion, LIST_AGE_S)
         closer = np.linalg.norm(soon.eye) < np.linalg.norm(view.eye)
-        return lens_of(soon, motion.turn_rad_s) if closer else None
+        return self._lens(soon, motion) if closer else None
 
     def _look_ahead(
         self, view: ViewState, motion: Motion | None, uploaded: Flags, limits: Thresholds
@@ -124,7 +149,8 @@ class SceneManager:
             return []
         self._turn = (self._turn + 1) % len(AHEAD)
         ahead_s, weight = AHEAD[self._turn]
-        lens = lens_of(predict(view, motion, ahead_s))
+        soon = predict(view, motion, ahead_s)
+        lens = lens_of(soon, sweep=sweep_of(soon, motion, self._world.shutter_s))
         self._later[weight] = select(self._world.trees, lens, uploaded, limits)
         return list(self._later.items())
 

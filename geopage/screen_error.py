@@ -27,6 +27,21 @@ HIDDEN = 1 / 32
 CONE_MARGIN_RAD = 0.1
 TURN_AHEAD_S = 0.5
 LOWEST_M = 11_500.0
+Xyz = tuple[float, float, float]
+
+
+class Sweep(NamedTuple):
+    """How a view moves, for detail by apparent speed."""
+
+    velocity_m_s: Xyz
+    """ECEF axes"""
+    spin_rad_s: Xyz
+    """rotation vector, ECEF axes"""
+    shutter_s: float
+    """what moves by more than its size in this time is not worth drawing; 0: all is"""
+
+
+STILL = Sweep((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
 
 
 class Lens(NamedTuple):
@@ -46,9 +61,15 @@ class Lens(NamedTuple):
     """radius of a sphere that lies inside the planet everywhere"""
     width_px: float
     height_px: float
+    sweep: Sweep
 
 
-def lens_of(view: ViewState, turn_rad_s: float = 0.0, lowest_m: float = -LOWEST_M) -> Lens:
+def lens_of(
+    view: ViewState,
+    turn_rad_s: float = 0.0,
+    lowest_m: float = -LOWEST_M,
+    sweep: Sweep = STILL,
+) -> Lens:
     """Return the lens of a view.
 
     Parameters
@@ -56,6 +77,7 @@ def lens_of(view: ViewState, turn_rad_s: float = 0.0, lowest_m: float = -LOWEST_
     view : ViewState
     turn_rad_s : how fast the view turns; the cone widens by half a second of it
     lowest_m : no surface lies lower than this height above the ellipsoid
+    sweep : with it, detail counts less where things move fast across the screen
     """
     corner = math.acos(min(1.0, view.corner_cos))
     half = min(corner + CONE_MARGIN_RAD + TURN_AHEAD_S * turn_rad_s, math.pi)
@@ -69,6 +91,7 @@ def lens_of(view: ViewState, turn_rad_s: float = 0.0, lowest_m: float = -LOWEST_
         WGS84_B_M + min(lowest_m, 0.0),
         float(view.width_px),
         float(view.height_px),
+        sweep,
     )
 
 
@@ -88,6 +111,58 @@ def px_per_m(lens: Lens, x: float, y: float, z: float, radius_m: float) -> float
     if aside * lens.cone_cos - along * lens.cone_sin > radius_m:
         return float(scale * OUTSIDE)
     return float(scale)
+
+
+@kernel
+def blur_px(lens: Lens, x: float, y: float, z: float, radius_m: float) -> float:
+    """Return how far all in a sphere around (x, y, z) moves on the screen, at least.
+
+    In the shutter's time. Details smaller than this are passed by before they are seen:
+    the Berkeley walkthrough held the size of a face over its speed against a threshold
+    (Funkhouser, Sequin, Teller 1992, section 5.1); here it is one shutter's time, and
+    the screen error takes the place of the face.
+    """
+    v, w = lens.sweep.velocity_m_s, lens.sweep.spin_rad_s
+    x, y, z = x - lens.eye[0], y - lens.eye[1], z - lens.eye[2]
+    away = length((x, y, z))
+    near = away - radius_m
+    if lens.sweep.shutter_s == 0.0 or near <= NEAR_M:
+        return 0.0
+    x, y, z = x / away, y / away, z / away
+    along = v[0] * x + v[1] * y + v[2] * z
+    flow = v[0] - along * x, v[1] - along * y, v[2] - along * z
+    turn = w[1] * z - w[2] * y, w[2] * x - w[0] * z, w[0] * y - w[1] * x
+    speed_m_s, spin_rad_s = length(v), length(w)
+    wide = math.asin(radius_m / away)
+    slow, fast = between(length(flow), speed_m_s, wide)
+    least, most = between(length(turn), spin_rad_s, wide)
+    # Motion and turn may cancel: both in the middle, less what may change on the way out.
+    x, y, z = flow[0] / away + turn[0], flow[1] / away + turn[1], flow[2] / away + turn[2]
+    change = radius_m / near * (2.0 * speed_m_s / near + spin_rad_s)
+    parts = slow / (away + radius_m) - most, least - fast / near
+    rad_s = max(parts[0], parts[1], length((x, y, z)) - change, 0.0)
+    return float(rad_s * lens.focal_px * lens.sweep.shutter_s)
+
+
+@kernel
+def between(across: float, whole: float, wide: float) -> tuple[float, float]:
+    """Return the least and most of `whole` across any way up to `wide` rad from one.
+
+    Parameters
+    ----------
+    across : the part of it across the way in the middle
+    """
+    if whole == 0.0:
+        return 0.0, 0.0
+    angle = math.asin(min(across / whole, 1.0))
+    low, high = max(angle - wide, 0.0), min(angle + wide, math.pi / 2)
+    return whole * math.sin(low), whole * math.sin(high)
+
+
+@kernel
+def length(v: Xyz) -> float:
+    """Return the length of a vector."""
+    return math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
 
 
 @kernel

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from geopage.draw_list import DrawList
 from geopage.object_selection import select_objects
-from geopage.screen_error import Lens, lens_of
+from geopage.screen_error import STILL, Lens, Sweep, lens_of
 from geopage.terrain_selection import select_terrain
 from geopage.tree import F8, U1, Tree, tree_of
 from geopage.view import ViewState
@@ -67,7 +67,13 @@ class Selection:
     """memory of what the view will draw when all is there"""
 
     def draw_list(
-        self, number: int, view: ViewState, limits: Thresholds, *, settled: bool
+        self,
+        number: int,
+        view: ViewState,
+        limits: Thresholds,
+        sweep: Sweep = STILL,
+        *,
+        settled: bool,
     ) -> DrawList:
         """Return the part that the renderer draws."""
         return DrawList(
@@ -82,6 +88,7 @@ class Selection:
             limits.terrain_px,
             limits.objects_px,
             settled,
+            sweep,
         )
 
 

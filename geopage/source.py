@@ -1,14 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a server gets a tile's bytes from, and how slow that may be made."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from geopage.settings import MIB, Throttle
+from geopage.styling import Styling
+from tiles import objects, terrain
 from tiles.lanes import Lane
+from tiles.objects import ObjectTile
 from tiles.store import Store
+from tiles.terrain import TerrainTile
+
+Decode = Callable[[bytes], TerrainTile | ObjectTile]
+
+
+def decoders(styling: Styling | None = None) -> dict[Lane, Decode]:
+    """Return what makes tiles of stored bodies, objects in their colours."""
+
+    def styled(body: bytes) -> ObjectTile:
+        tile = objects.decode(body)
+        return styling.styled(tile) if styling else tile
+
+    return {Lane.TERRAIN: terrain.decode, Lane.OBJECTS: styled}
 
 
 class TileSource(Protocol):

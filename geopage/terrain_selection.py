@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.screen_error import Lens, px_per_m
+from geopage.screen_error import Lens, blur_px, px_per_m
 from geopage.tree import F4, F8, U1, Tree
 from tiles.forest import Rows
 from tiles.kernels import kernel
@@ -106,7 +106,10 @@ def refine(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Plan
         row = rows[i]
         c = tree.centre[row]
         scale[i] = px_per_m(lens, c[0], c[1], c[2], tree.radius_m[row])
-        limit = tau * COARSEN if before[row] else tau
+        limit = tau
+        if lens.sweep.shutter_s > 0.0:
+            limit = max(tau, blur_px(lens, c[0], c[1], c[2], tree.radius_m[row]))
+        limit = limit * COARSEN if before[row] else limit
         whole = has_children(tree, row)
         demanded = kind[i] == TARGET and whole and tree.error_m[row] * scale[i] > limit
         finer = whole and (before[row] or all_uploaded(tree, row, uploaded))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from geopage.settings import DETAILS
 from tiles.errors import InputError
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
@@ -69,7 +70,7 @@ def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
     series: dict[str, list[Json]] = {}
     for report in reports:
         settings = report["settings"]
-        series.setdefault(f"{settings['policy']}, {settings['mode']}", []).append(report)
+        series.setdefault(method_of(settings), []).append(report)
     for (name, runs), colour in zip(sorted(series.items()), _cycle(), strict=False):
         _curves(axes, name, runs, colour)
     axes.set_xscale("log")
@@ -92,6 +93,13 @@ def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
     figure.tight_layout(rect=(0, 0.05, 1, 1))
     save(figure, out)
     plt.close(figure)
+
+
+def method_of(settings: Json) -> str:
+    """Return the name of what was flown: all but the threshold that makes a method."""
+    detail = settings.get("detail", DETAILS[0])
+    by_speed = [] if detail == DETAILS[0] else [f"detail by {detail.replace('-', ' ')}"]
+    return ", ".join((settings["policy"], *by_speed, settings["mode"]))
 
 
 def _measured(run: Json) -> float | None:

@@ -3,6 +3,7 @@
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,24 @@ from geopage.arguments import (
     LAT_LON_HEIGHT,
     Parser,
     numbers,
+    pixel,
     positive,
     print_json,
     size,
+    whole,
 )
-from geopage.settings import MIB, POLICIES, PagerSettings, Throttle
+from geopage.palettes import RAMPS
+from geopage.scale import legend_lines
+from geopage.settings import (
+    DETAILS,
+    FADE_S,
+    LONGEST_FADE_S,
+    MIB,
+    POLICIES,
+    PagerSettings,
+    Throttle,
+)
+from geopage.style import parse_style
 from viewer.session import Picture
 
 THROTTLE = numbers(2, "MIB_PER_S,LATENCY_MS", ((1e-6, 1e6), (0, 1e6)))
@@ -46,7 +60,11 @@ def render(words: list[str]) -> int:
     parser.add_argument(
         "--positions", type=Path, metavar="OUT.npy", help="drawn points, ECEF m"
     )
+    parser.add_argument(
+        "--pick", type=pixel, metavar="X,Y", help="say what is drawn at a pixel"
+    )
     drawing(parser)
+    styling(parser)
     given = parser.read(words)
     if given.fov >= 170:
         parser.error("--fov is not below 170")
@@ -55,6 +73,12 @@ def render(words: list[str]) -> int:
     report = render_still(given.store, settings_of(given), given)
     if given.json:
         print_json(report)
+    else:
+        print_legend(report)
+        if given.pick:
+            from viewer.pick import pick_lines  # noqa: PLC0415  (opens GL)
+
+            print("\n".join(pick_lines(report["pick"])))
     return 0
 
 
@@ -73,9 +97,23 @@ def fly(words: list[str]) -> int:
     parser.add_argument("--poses", type=int, default=60, help="of a settled flight")
     parser.add_argument("--policy", choices=POLICIES, default="benefit")
     parser.add_argument("--throttle", type=THROTTLE, metavar="MIB_PER_S,LATENCY_MS")
+    parser.add_argument(
+        "--fade",
+        type=fade,
+        default=FADE_S,
+        metavar="SECONDS",
+        help="time in which objects turn into others (0: swap; default %(default)s)",
+    )
+    parser.add_argument(
+        "--detail",
+        choices=DETAILS,
+        default=DETAILS[0],
+        help="by size alone, or less of it where things move fast across the screen",
+    )
     parser.add_argument("--film", type=Path, metavar="OUT.mp4")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     drawing(parser)
+    styling(parser)
     given = parser.read(words)
     if given.poses < 2:
         parser.error("--poses is below 2")
@@ -83,10 +121,12 @@ def fly(words: list[str]) -> int:
     from viewer.run import fly as fly_path  # noqa: PLC0415
 
     run = Run(given.path, given.out, not given.settled, given.poses, given.film)
+    run = replace(run, style=given.style)
     report = fly_path(given.store, settings_of(given), picture_of(given), run)
     if given.json:
         print_json(report)
     else:
+        print_legend(report)
         print(summary(report))
     return 0
 
@@ -140,13 +180,6 @@ def accuracy(words: list[str]) -> int:
     else:
         print(in_words(found))
     return 0
-
-
-def whole(text: str) -> int:
-    """Read a whole number above zero."""
-    if not text.isdigit() or not 0 < int(text) <= 1_000_000:
-        raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
-    return int(text)
 
 
 def chart(words: list[str]) -> int:
@@ -218,14 +251,37 @@ def drawing(parser: Parser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
 
+def styling(parser: Parser) -> None:
+    """Add what the commands have that draw buildings in colours."""
+    parser.add_argument(
+        "--style",
+        type=parse_style,
+        metavar="FIELD[:RAMP]",
+        help=f"colours of buildings: FIELD, FIELD:RAMP (of {', '.join(RAMPS)}),"
+        " FIELD:RAMP:MIN,MAX, FIELD=VALUE:#rrggbb,*:#rrggbb, or a .json file",
+    )
+
+
+def print_legend(report: dict[str, Any]) -> None:
+    """Say which colour is which, on stderr."""
+    if "style" in report:
+        print("\n".join(legend_lines(report["style"])), file=sys.stderr)
+
+
 def settings_of(given: argparse.Namespace) -> PagerSettings:
     """Return the pager's settings."""
     throttle = Throttle(*given.throttle) if getattr(given, "throttle", None) else None
     policy = getattr(given, "policy", "benefit")
+    fade_s = getattr(given, "fade", 0.0)  # what is settled has no fades
     budget = int(given.budget * MIB)
-    return PagerSettings(
-        given.threshold, given.object_threshold, budget, throttle=throttle, policy=policy
-    )
+    detail = getattr(given, "detail", DETAILS[0])
+    limits = given.threshold, given.object_threshold
+    return PagerSettings(*limits, budget, throttle, policy, fade_s, detail)
+
+
+def fade(text: str) -> float:
+    """Read the duration of a fade, s."""
+    return numbers(1, "SECONDS", ((0, LONGEST_FADE_S),))(text)[0]
 
 
 def picture_of(given: argparse.Namespace) -> Picture:

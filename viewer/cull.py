@@ -7,7 +7,8 @@ instance array, whose 16 floats tell the vertex shader about the tile:
 
     0..2 centre - eye, made in float64 (m)   3 metres per position step
     4..6 up at the tile's centre             7 skirt depth (m)
-    8..10 place in the grain of the ground (terrain); seed (objects)
+    8..10 place in the grain of the ground (terrain)
+    8 seed; 9, 10 share of the screen's pattern that shows it, from and to (objects)
     11 texture layer (terrain)               12 entry in the draw list
     13 screen error (px)                     14 lean of the skirt (viewer/clearance.py)
 
@@ -21,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.screen_error import Lens, is_hidden, lens_of, px_per_m
+from geopage.screen_error import STILL, Lens, Sweep, blur_px, is_hidden, lens_of, px_per_m
 from geopage.view import ViewState
 from tiles import geodesy
 from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
@@ -49,8 +50,8 @@ class Eye(NamedTuple):
     """longitude, latitude, height (rad, rad, m)"""
 
 
-def eye_of(view: ViewState) -> Eye:
-    """Return a view as the kernels take it."""
+def eye_of(view: ViewState, sweep: Sweep = STILL) -> Eye:
+    """Return a view, and how it moves, as the kernels take it."""
     x, y = view.width_px / 2 / view.focal_px, view.height_px / 2 / view.focal_px
     camera = np.array(
         ((1, 0, -x), (-1, 0, -x), (0, 1, -y), (0, -1, -y), (0, 0, -1)), np.float64
@@ -58,7 +59,7 @@ def eye_of(view: ViewState) -> Eye:
     camera /= np.linalg.norm(camera, axis=1, keepdims=True)
     lon, lat, height_m = (float(x) for x in geodesy.to_geodetic(Ecef(view.eye)))
     planes = np.ascontiguousarray(camera @ view.rotation)
-    return Eye(lens_of(view), planes, (lon, lat, height_m))
+    return Eye(lens_of(view, sweep=sweep), planes, (lon, lat, height_m))
 
 
 @brief
@@ -221,31 +222,42 @@ def _count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> i
 def cull_objects(
     lists: Lists,
     parts: tuple[NDArray[np.bool_], NDArray[np.uint8], NDArray[np.void]],
+    shares: NDArray[np.float32],
     eye: Eye,
     threshold_px: float,
     room: Room,
-) -> tuple[int, int, int]:
+) -> tuple[int, int, int, int]:
     """Fill `room` with the visible own objects above the threshold and the proxies.
 
     Parameters
     ----------
     parts : `own` and `proxies` of the draw list, and the pool of object tables
+    shares : (m, 2) `Fade.shares`, or (0, 2) when nothing fades
 
     Returns
     -------
-    draws, triangles, objects (own objects and proxies)
+    draws, triangles, objects (own objects and proxies), and how many of the draws, at
+    the end, fade
     """
     own, proxies, pool = parts
-    n, triangles, objects = 0, 0, 0
+    n, triangles, objects, fading = 0, 0, 0, 0
+    low, high = np.float32(0.0), np.float32(1.0)
     for entry in range(len(lists.rows)):
         row = lists.rows[entry]
         slot = lists.slots[row]
         radius = lists.radius_m[row]
         centre = lists.centre[row]
-        if slot["uploaded"] == 0 or not is_visible(centre, radius, eye):
+        if len(shares):
+            low, high = shares[entry, 0], shares[entry, 1]
+        if slot["uploaded"] == 0 or low >= high or not is_visible(centre, radius, eye):
             continue
+        is_solid = low == 0.0 and high == 1.0
         scale = px_per_m(eye.lens, centre[0], centre[1], centre[2], radius)
-        seen = _count_above(pool, slot, threshold_px / scale) if own[entry] else 0
+        least = threshold_px
+        if eye.lens.sweep.shutter_s > 0.0:
+            blur = blur_px(eye.lens, centre[0], centre[1], centre[2], radius)
+            least = max(blur, threshold_px)
+        seen = _count_above(pool, slot, least / scale) if own[entry] else 0
         for part in range(CHILDREN + 1):
             first, count = 0, 0
             if part == CHILDREN and seen > 0:
@@ -256,10 +268,14 @@ def cull_objects(
                 continue
             _fill(room.instances[n], slot, eye, entry, 0.0)
             room.instances[n, 8] = slot["seed"]
+            room.instances[n, 9], room.instances[n, 10] = low, high
             _command(room.unsorted[n], slot, first, count)
             room.keys[n] = -scale
+            if not is_solid:
+                room.keys[n] += NEAREST_FIRST
+                fading += 1
             n += 1
             triangles += count // 3
             objects += seen if part == CHILDREN else 1
     _sort(room.keys, room.unsorted, room.commands, n)
-    return n, triangles, objects
+    return n, triangles, objects, fading

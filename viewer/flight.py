@@ -14,9 +14,9 @@ from geopage.draw_list import DrawList
 from geopage.view import ViewState
 from tiles.geodesy import to_geodetic
 from viewer import gil
+from viewer.frame_stats import FrameStats
 from viewer.memory import Preemption, resident_bytes
 from viewer.poses import Flight
-from viewer.renderer import FrameStats
 from viewer.session import Session
 
 FRAME = np.dtype(
@@ -37,6 +37,7 @@ FRAME = np.dtype(
         ("triangles", "i8"),
         ("draw_calls", "i8"),
         ("objects", "i8"),
+        ("fading", "i8"),
         ("stand_ins", "i8"),
         ("tiles_uploaded", "i8"),
         ("bytes_read", "i8"),
@@ -191,6 +192,7 @@ def record(
             stats.triangles,
             stats.draw_calls,
             stats.objects,
+            stats.fading,
             stats.stand_ins,
             moved,
             session.pager.counters["bytes_read"],

@@ -63,9 +63,11 @@ class ObjectHoles:
     def count(self, drawn: DrawList, view: ViewState) -> int:
         """Count demanded cells that neither the list's tiles nor its proxies show."""
         limits = Thresholds(drawn.threshold_px, drawn.object_threshold_px)
-        wanted = select(self._trees, lens_of(view), self._flags, limits).draw_list(
+        lens = lens_of(view, sweep=drawn.sweep)
+        wanted = select(self._trees, lens, self._flags, limits).draw_list(
             0, view, limits, settled=True
         )
+        drawn = drawn.solid()
         shown = np.zeros(len(self._forest.parent), bool)
         shown[drawn.objects] = True
         below = self._children_of(drawn)

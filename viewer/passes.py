@@ -27,9 +27,15 @@ VERTEX_INPUTS = (
     (1, 1, SHORT, 6, True),
     (2, 2, gl.UNSIGNED_SHORT, 8, True),
     (3, 3, BYTE, 12, False),
+    (8, 1, gl.UNSIGNED_BYTE, 15, True),
 )
-VARIANTS = (("", "GRAIN"), ("HIGH", "HIGH\n#define GRAIN"))
-"""Of the terrain's shaders: near the ground, and above; without grain, and with it."""
+VARIANTS = {
+    Lane.TERRAIN: (("", "GRAIN"), ("HIGH", "HIGH\n#define GRAIN")),
+    Lane.OBJECTS: (("", "FADE"),),
+}
+"""Of the terrain's shaders: near the ground, and above; without grain, and with it. Of
+the objects': solid, and fading."""
+SCREEN = "pattern.glsl", "screen.glsl"
 HIGH_M = 30_000.0
 PROGRAM_ROW = -3
 """Where a multi-draw's glUseProgram is, seen from the multi-draw."""
@@ -49,7 +55,7 @@ def make_program(
     """Return the program that shades a lane, in one of the `VARIANTS`."""
     name = LANE_NAME[lane]
     vertex = "frame.glsl", "air.glsl", "water.glsl", "vertex_inputs.glsl", f"{name}.vert"
-    fragment = "frame.glsl", "air.glsl", "water.glsl", "grain.glsl", "screen.glsl"
+    fragment = "frame.glsl", "air.glsl", "water.glsl", "grain.glsl", *SCREEN
     return context.program(
         vertex_shader=source(*vertex, define=define),
         fragment_shader=source(*fragment, f"{name}.frag", define=define),
@@ -62,7 +68,7 @@ def make_probe_program(context: moderngl.Context, lane: Lane) -> moderngl.Progra
     return context.program(
         vertex_shader=source(*names, define=lane.name),
         geometry_shader=source("frame.glsl", "probe.geom"),
-        fragment_shader=source("frame.glsl", "way.glsl", "probe.frag"),
+        fragment_shader=source("frame.glsl", "way.glsl", "pattern.glsl", "probe.frag"),
     )
 
 
@@ -70,9 +76,7 @@ def make_sky_program(context: moderngl.Context) -> moderngl.Program:
     """Return the program that shades what no tile covers."""
     return context.program(
         vertex_shader=source("frame.glsl", "sky.vert"),
-        fragment_shader=source(
-            "frame.glsl", "way.glsl", "air.glsl", "screen.glsl", "sky.frag"
-        ),
+        fragment_shader=source("frame.glsl", "way.glsl", "air.glsl", *SCREEN, "sky.frag"),
     )
 
 
@@ -81,10 +85,9 @@ class LanePass:
 
     def __init__(self, calls: Gl, arena: Arena, lane: Lane, draws: int) -> None:
         self._gl, self._arena = calls, arena
-        variants = VARIANTS if lane == Lane.TERRAIN else (("",),)
         self.programs = [
             [make_program(calls.context, lane, name) for name in names]
-            for names in variants
+            for names in VARIANTS[lane]
         ]
         self.probe_program = make_probe_program(calls.context, lane)
         self.name = calls.create("glCreateVertexArrays")
@@ -180,16 +183,21 @@ def set_part(
     table.change(draw, 3, count)
 
 
-def parts_of(objects: int, terrain: int, grained: int) -> tuple[tuple[int, int], ...]:
+def parts_of(
+    objects: int, fading: int, terrain: int, grained: int
+) -> tuple[tuple[int, int], ...]:
     """Return first draw and number of draws of each part of a frame.
 
-    Halves of the objects, terrain with grain, and halves of the terrain without: a
-    software driver shades one part while it transforms the vertices of the next.
+    Halves of the solid objects, fading objects, terrain with grain, and halves of the
+    terrain without: a software driver shades one part while it transforms the vertices
+    of the next.
     """
-    half, middle = objects // 2, (grained + terrain) // 2
+    fixed, middle = objects - fading, (grained + terrain) // 2
+    half = fixed // 2
     return (
         (0, half),
-        (half, objects - half),
+        (half, fixed - half),
+        (fixed, fading),
         (0, grained),
         (grained, middle - grained),
         (middle, terrain - middle),
@@ -215,3 +223,4 @@ def add_sky(table: CallTable, program: moderngl.Program, vertex_array: int) -> N
 
 
 FRAME_FLOATS = 32
+PALETTE_BYTES = 256 * 16

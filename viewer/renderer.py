@@ -2,7 +2,6 @@
 """From a draw list and the newest pose to pixels, without ever waiting for a tile."""
 
 import time
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -18,36 +17,16 @@ from tiles.terrain import TerrainTile
 from viewer import cull, gil, gl, grain, passes
 from viewer.arena import Arena, ArenaSize
 from viewer.clearance import Clearance, Drawn
+from viewer.frame_stats import FrameStats
 from viewer.gl import CallTable, Gl
 from viewer.look import HEIGHT, Look, frame_block
 from viewer.probes import Probes, ids_of, seen_of
 from viewer.target import Target
 
 FIRST_DRAWS = 2048
-PARTS = (Lane.OBJECTS, Lane.OBJECTS, Lane.TERRAIN, Lane.TERRAIN, Lane.TERRAIN)
+PARTS = (*(Lane.OBJECTS,) * 3, *(Lane.TERRAIN,) * 3)
 """The frame's multi-draws, as `Renderer._set_draws` fills them."""
 DRAWS_PER_OBJECT_TILE = 5  # its own objects and four proxies
-
-
-@dataclass(frozen=True, slots=True)
-class FrameStats:
-    """What one frame drew and where its time went."""
-
-    triangles: int
-    draw_calls: int
-    """Draws inside the two multi-draws."""
-    tiles: int
-    objects: int
-    """Own objects and proxies in visible tiles."""
-    stand_ins: int
-    screen_error_px: float
-    """Error of the drawn terrain, mean weighted by area on the screen."""
-    cull_ms: float
-    gl_ms: float
-    """From the first GL call to the end of the last, including the GPU's work."""
-    gil_ms: float
-    """From the end of GL's work until Python ran again."""
-    frame_ms: float
 
 
 class Renderer:
@@ -88,6 +67,7 @@ class Renderer:
         self._no_vertices = self.gl.create("glCreateVertexArrays")
         self._block = np.zeros(passes.FRAME_FLOATS, np.float32)
         self._block_buffer = self.gl.context.buffer(reserve=self._block.nbytes)
+        self._palette = self.gl.context.buffer(bytes(passes.PALETTE_BYTES))
         self._build()
         self._drawn: tuple[ViewState, dict[Lane, int]] | None = None
         self._warm_up()
@@ -126,9 +106,16 @@ class Renderer:
         name = self._block_buffer.glo
         table.add("glNamedBufferSubData", name, 0, size, self._block.ctypes.data)
         table.add("glBindBufferBase", gl.UNIFORM_BUFFER, 0, name)
+        table.add("glBindBufferBase", gl.UNIFORM_BUFFER, 1, self._palette.glo)
         table.add("glBindTextureUnit", 0, self.arena.textures.name)
         table.add("glBindTextureUnit", 1, self._grain)
         passes.add_state(table)
+
+    def set_palette(self, colours: NDArray[np.uint8]) -> None:
+        """Take the colours of styled objects, (256, 3) uint8 sRGB."""
+        whole = np.zeros((len(colours), 4), np.float32)
+        whole[:, :3] = colours / 255
+        self._palette.write(whole.tobytes())
 
     def upload(self, lane: Lane, row: int, tile: TerrainTile | ObjectTile) -> bool:
         """Copy a tile to the GPU; False where the arena has no room (try again later)."""
@@ -154,20 +141,19 @@ class Renderer:
         culled = time.perf_counter()
         counts = {Lane.TERRAIN: terrain[0], Lane.OBJECTS: objects[0]}
         self._block[:] = frame_block(view, self.look, self._supersample)
-        self._set_draws(counts, terrain[3])
+        self._set_draws(counts, terrain[3], objects[3])
         with gil.interval(gil.SHARE_S):
             gil_ns = self._table.run()
         stamps = self._table.stamps_ns
         self._drawn = view, counts
         self._probes.forget()
-        entries = (
-            self._lanes[Lane.TERRAIN].room.instances[: terrain[0], 12].astype(np.int64)
-        )
+        entries = self._lanes[Lane.TERRAIN].room.instances[: terrain[0], 12]
         return FrameStats(
             triangles=terrain[1] + objects[1],
             draw_calls=terrain[0] + objects[0],
             tiles=terrain[0],
             objects=objects[2],
+            fading=objects[3],
             stand_ins=int(draw_list.stand_in[entries.astype(np.int64)].sum()),
             screen_error_px=terrain[2],
             cull_ms=(culled - start) * 1e3,
@@ -176,22 +162,22 @@ class Renderer:
             frame_ms=(time.perf_counter() - start) * 1e3,
         )
 
-    def _set_draws(self, counts: dict[Lane, int], grained: int) -> None:
+    def _set_draws(self, counts: dict[Lane, int], grained: int, fading: int) -> None:
         """Write the frame's counts into its table: objects, grained terrain, the rest."""
         for lane, count in counts.items():
             passes.set_upload(self._table, self._uploads[lane], count)
         is_high = int(self._block[HEIGHT] > passes.HIGH_M)
         plain, rough = self._lanes[Lane.TERRAIN].programs[is_high]
-        solid = self._lanes[Lane.OBJECTS].programs[0][0]
-        programs = solid, solid, rough, plain, plain
-        parts = passes.parts_of(counts[Lane.OBJECTS], counts[Lane.TERRAIN], grained)
+        solid, faded = self._lanes[Lane.OBJECTS].programs[0]
+        programs = solid, solid, faded, rough, plain, plain
+        parts = passes.parts_of(counts[Lane.OBJECTS], fading, counts[Lane.TERRAIN], grained)
         for draw, program, part in zip(self._draws, programs, parts, strict=True):
             passes.set_part(self._table, draw, program, *part)
 
     def _cull(
         self, draw_list: DrawList, view: ViewState
-    ) -> tuple[tuple[int, int, float, int], tuple[int, int, int]]:
-        eye = cull.eye_of(view)
+    ) -> tuple[tuple[int, int, float, int], tuple[int, int, int, int]]:
+        eye = cull.eye_of(view, draw_list.sweep)
         grown = self._lanes[Lane.TERRAIN].grow(len(draw_list.terrain))
         objects = DRAWS_PER_OBJECT_TILE * len(draw_list.objects)
         if self._lanes[Lane.OBJECTS].grow(objects) or grown:
@@ -204,14 +190,14 @@ class Renderer:
         drawn = Drawn(ground.rows, ground.slots, ground.records, children)
         self._clearance.apply(room.instances[: terrain[0]], drawn, eye.place)
         parts = draw_list.own, draw_list.proxies, self.arena.pool.records
-        own = cull.cull_objects(
+        return terrain, cull.cull_objects(
             self._lists(Lane.OBJECTS, draw_list.objects),
             parts,
+            draw_list.shares(view.t_s),
             eye,
             float(draw_list.object_threshold_px),
             self._lanes[Lane.OBJECTS].room,
         )
-        return terrain, own
 
     def _lists(self, lane: Lane, rows: NDArray[np.int32]) -> cull.Lists:
         forest = self.forests[lane]
@@ -284,6 +270,7 @@ class Renderer:
         self._sky.release()
         grain.release_texture(self.gl, self._grain)
         self._block_buffer.release()
+        self._palette.release()
         if self._owns_context:
             self.gl.context.release()
 

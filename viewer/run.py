@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from geopage.settings import PagerSettings
+from geopage.style import Style
 from tiles.errors import InputError, TileFault
 from tiles.lanes import Lane
 from viewer.camera_path import CameraPath, read_path
@@ -35,6 +36,8 @@ class Run:
     """Of a settled run."""
     film: Path | None = None
     page: bool = True
+    style: Style | None = None
+    """Colours of the objects."""
 
 
 def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Json:
@@ -46,7 +49,7 @@ def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Jso
     """
     path = read_path(run.path)
     make_folders(run)
-    with Session(store, settings, picture) as session:
+    with Session(store, settings, picture, run.style) as session:
         flight = Flight(path, session.surface, picture.size_px)
         recording = _fly(session, flight, run)
         session.pager.close()
@@ -54,6 +57,8 @@ def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Jso
         about = {"path": path.name, "mode": "paced" if run.paced else "settled"}
         report = flight_report(session, recording, about, played)
         report |= _measure(session, recording, report["faults"])
+        if session.styling:
+            report["style"] = session.styling.legend
     _first_object(report, recording, session)
     write_report(run.out, report, recording, played)
     if run.page:

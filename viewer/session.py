@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A store that is open for looking at: pager, renderer and what moves tiles between."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -11,22 +10,18 @@ from geopage.draw_list import DrawList
 from geopage.pager import Pager
 from geopage.selection import warm_up
 from geopage.settings import PagerSettings
+from geopage.source import decoders
+from geopage.style import Style
+from geopage.styling import styling_of
 from geopage.view import ViewState
-from tiles import objects, terrain
 from tiles.errors import InputError
 from tiles.lanes import Lane
-from tiles.objects import ObjectTile
 from tiles.store import Store
 from tiles.surface import Surface
-from tiles.terrain import TerrainTile
 from viewer.arena import ArenaSize
-from viewer.renderer import FrameStats, Renderer
+from viewer.frame_stats import FrameStats
+from viewer.renderer import Renderer
 from viewer.settle import Feeder, render_settled
-
-DECODE: dict[Lane, Callable[[bytes], TerrainTile | ObjectTile]] = {
-    Lane.TERRAIN: terrain.decode,
-    Lane.OBJECTS: objects.decode,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +40,7 @@ class Session:
         path: Path,
         settings: PagerSettings,
         picture: Picture = Picture(),
+        style: Style | None = None,
     ) -> None:
         warm_up()
         self.store = Store(path)
@@ -52,13 +48,17 @@ class Session:
         if not len(self.surface.forest.records):
             raise InputError(path, "holds no terrain", "run `geopage ingest terrain` first")
         self.settings, self.picture = settings, picture
-        self.pager = Pager(path, settings)
+        self.styling = styling_of(self.store, style) if style else None
+        self._decode = decoders(self.styling)
+        self.pager = Pager(path, settings, self.styling)
         self.renderer = Renderer(
             self.pager.forests,
             picture.size_px,
             ArenaSize.for_budget(settings.budget_bytes),
             picture.supersample,
         )
+        if self.styling:
+            self.renderer.set_palette(self.styling.palette)
         self.feeder = Feeder(self.pager, self.renderer)
 
     def settle(self, view: ViewState) -> tuple[DrawList, FrameStats]:
@@ -73,7 +73,7 @@ class Session:
                 if not self.renderer.is_uploaded(lane, row):
                     record = records[row]
                     key = int(record["cell"]), int(record["row"]), int(record["check"])
-                    tile = DECODE[lane](self.store.checked_body(lane, *key))
+                    tile = self._decode[lane](self.store.checked_body(lane, *key))
                     if not self.renderer.upload(lane, row, tile):
                         self._make_room(wanted)
                         self.renderer.upload(lane, row, tile)

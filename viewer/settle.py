@@ -7,7 +7,8 @@ from geopage.draw_list import DrawList
 from geopage.exchange import Upload
 from geopage.pager import Pager
 from geopage.view import ViewState
-from viewer.renderer import FrameStats, Renderer
+from viewer.frame_stats import FrameStats
+from viewer.renderer import Renderer
 
 UPLOAD_BYTES = 8 << 20
 BACKLOG = 16
@@ -82,5 +83,6 @@ def render_settled(
             pager.step(time.monotonic())
         drawn = pager.draw_list()
         moved = feeder.feed(drawn.number)
-        still = still + 1 if drawn.settled and pager.settled and not moved else 0
+        still = still + 1 if drawn.settled and pager.complete and not moved else 0
+    drawn = drawn.solid()  # nobody has to watch the fades
     return drawn, renderer.draw(drawn, view)

@@ -11,6 +11,7 @@ import numpy as np
 from geopage.settings import PagerSettings
 from tiles.errors import InputError
 from viewer.camera import Pose, view_state
+from viewer.pick import pick, require_pixel
 from viewer.picture import write_png
 from viewer.session import Picture, Session
 
@@ -30,7 +31,9 @@ def render_still(
     finer = SUPERSAMPLE if max(given.size) * SUPERSAMPLE <= LARGEST else 1
     lat, lon, height_m = given.at
     lon_rad, lat_rad = math.radians(lon), math.radians(lat)
-    with Session(store, settings, Picture(given.size, finer)) as session:
+    if given.pick:
+        require_pixel(given.pick, given.size)
+    with Session(store, settings, Picture(given.size, finer), given.style) as session:
         if given.height_reference == "ground":
             height_m += session.surface.height_at(lon_rad, lat_rad)
         heading, pitch = (math.radians(angle) for angle in given.look)
@@ -40,6 +43,9 @@ def render_still(
         write_png(given.out, session.renderer.read_rgb())
         if given.positions:
             save_points(given.positions, session.renderer.read_positions())
+        extra = {"pick": pick(session, drawn, given.pick)} if given.pick else {}
+        if session.styling:
+            extra["style"] = session.styling.legend
         faults = list(session.pager.faults)
     return {
         "out": str(given.out),
@@ -50,6 +56,7 @@ def render_still(
         "screen_error_px": stats.screen_error_px,
         "frame_ms": stats.frame_ms,
         "faults": faults,
+        **extra,
     }
 
 

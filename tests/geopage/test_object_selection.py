@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geopage.object_selection import ASK_EARLIER
-from geopage.screen_error import lens_of
+from geopage.screen_error import STILL, Lens, Sweep, blur_px, lens_of, px_per_m
 from geopage.selection import Selection, Thresholds, everything, ideal, select, trees_of
 from geopage.tree import U1
 from geopage.view import ViewState
@@ -49,9 +49,12 @@ SUBSETS = st.builds(
 )
 
 
-def chosen_with(view: ViewState, flags: U1, limits: Thresholds = LIMITS) -> Selection:
+def chosen_with(
+    view: ViewState, flags: U1, limits: Thresholds = LIMITS, sweep: Sweep = STILL
+) -> Selection:
     land = np.ones(len(TREES[Lane.TERRAIN].parent), np.uint8)
-    return select(TREES, lens_of(view), {Lane.TERRAIN: land, Lane.OBJECTS: flags}, limits)
+    lens = lens_of(view, sweep=sweep)
+    return select(TREES, lens, {Lane.TERRAIN: land, Lane.OBJECTS: flags}, limits)
 
 
 def times_shown(chosen: Selection, block: int) -> int:
@@ -72,11 +75,45 @@ def uploaded(rows: object) -> U1:
     return flags
 
 
-@given(VIEWS, SUBSETS)
-def test_no_block_is_drawn_both_itself_and_by_a_proxy(view: ViewState, flags: U1) -> None:
-    chosen = chosen_with(view, flags)
+SWEEPS = st.builds(
+    lambda speed, spin, shutter: Sweep(
+        (0.6 * 10.0**speed, 0.8 * 10.0**speed, 0.0), (0.0, 0.0, spin), shutter
+    ),
+    st.floats(0, 5),
+    st.sampled_from([0.0, 0.3, 2.0]),
+    st.sampled_from([0.0, 1 / 60]),
+)
+
+
+@given(VIEWS, SUBSETS, SWEEPS)
+def test_no_block_is_drawn_both_itself_and_by_a_proxy(
+    view: ViewState, flags: U1, sweep: Sweep
+) -> None:
+    chosen = chosen_with(view, flags, sweep=sweep)
     assert max(times_shown(chosen, block) for block in BLOCKS.tolist()) <= 1
     assert flags[chosen.objects].all()
+
+
+@given(VIEWS, SWEEPS)
+def test_what_speed_leaves_out_passes_by_faster_than_its_size(
+    view: ViewState, sweep: Sweep
+) -> None:
+    flags, lens = everything(TREES)[Lane.OBJECTS], lens_of(view, sweep=sweep)
+    usual, chosen = chosen_with(view, flags), chosen_with(view, flags, sweep=sweep)
+    for block in BLOCKS.tolist():
+        if not times_shown(chosen, block) and block in usual.objects[usual.own].tolist():
+            assert any(passes_by(lens, block, row) for row in path_to(block))
+
+
+def passes_by(lens: Lens, block: int, row: int) -> bool:
+    """Whether a cell moves by more than a block's size, so that nobody looks into it."""
+    sphere = *TOWN.centre[row], TOWN.radius_m[row]
+    return bool(TOWN.own_m[block] * px_per_m(lens, *sphere) <= blur_px(lens, *sphere))
+
+
+def path_to(row: int) -> list[int]:
+    """A cell and all above it."""
+    return [row, *path_to(int(TOWN.parent[row]))] if row >= 0 else []
 
 
 @given(VIEWS, SUBSETS)

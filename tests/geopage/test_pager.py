@@ -4,6 +4,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from geopage.draw_list import DrawList
 from geopage.pager import Pager
 from geopage.selection import ideal
-from geopage.settings import PagerSettings, Throttle
+from geopage.settings import DETAILS, PagerSettings, Throttle
 from geopage.tile_state import State
 from geopage.view import ViewState
 from tests.geopage.stub_renderer import StubRenderer
@@ -291,3 +292,33 @@ def test_a_flight_in_reads_little_that_it_never_draws(pager: Pager) -> None:
     counted = pager.counters
     assert counted["tiles_unused"] <= 0.25 * counted["tiles_loaded"]
     assert counted["bytes_read"] > 0
+
+
+def test_detail_by_speed_is_less_while_the_view_moves_and_the_same_at_rest(
+    store_path: Path,
+) -> None:
+    cost = {}
+    for detail in DETAILS:
+        with Pager(store_path, PagerSettings(detail=detail, fade_s=0.0)) as pager:
+            east = SPOT[0] + np.linspace(-3e-4, 3e-4, 60)
+            views = [
+                view_at(2e3, (lon, SPOT[1]), -60.0, t_s=i / 60)
+                for i, lon in enumerate(east)
+            ]
+            StubRenderer(pager).settle(views[0])
+            renderer = StubRenderer(pager)
+            renderer.there = {
+                (lane, row)
+                for lane in Lane
+                for row in range(len(pager.forests[lane].parent))
+                if pager._residency.state(lane, row) is State.UPLOADED
+            }
+            lists = []
+            for view in views:
+                lists.append(renderer.frame(view))
+                pager.step(10.0 + view.t_s)
+            cost[detail] = sum(len(drawn.objects) for drawn in lists[-20:])
+            last = renderer.settle(replace(views[-1], t_s=20.0))
+            assert_same_picture(last, ideal(pager.forests, views[-1], 2.0, 2.0))
+            assert last.sweep.shutter_s == 0.0
+    assert cost["size-and-speed"] < 0.8 * cost["size"]

@@ -1,13 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geopage.screen_error import HIDDEN, OUTSIDE, Lens, lens_of, px_per_m, px_per_m_of
+from geopage.prediction import rotation_of
+from geopage.screen_error import (
+    HIDDEN,
+    OUTSIDE,
+    Lens,
+    Sweep,
+    blur_px,
+    lens_of,
+    px_per_m,
+    px_per_m_of,
+)
+from geopage.view import ViewState
 from tests.geopage.worlds import view_at
 from tiles import geodesy
-from tiles.frames import Floats
+from tiles.frames import Ecef, Floats
 
 HEIGHTS_M = st.floats(1.0, 7.0).map(lambda x: 10.0**x)
 
@@ -111,3 +124,64 @@ def test_turning_widens_the_cone() -> None:
     assert scale(lens_of(view, 4.0), aside) == pytest.approx(
         8 * scale(lens_of(view), aside)
     )
+
+
+def moved(view: ViewState, sweep: Sweep, dt_s: float) -> ViewState:
+    """The view a moment later."""
+    rotation = view.rotation @ rotation_of(np.array(sweep.spin_rad_s) * dt_s).T
+    eye = Ecef(view.eye + np.array(sweep.velocity_m_s) * dt_s)
+    return replace(view, eye=eye, rotation=rotation)
+
+
+def on_screen_px(view: ViewState, points: Floats) -> Floats:
+    """Places in the picture, (n, 2), from its middle."""
+    camera = (points - view.eye) @ view.rotation.T
+    return np.asarray(camera[:, :2] / -camera[:, 2:] * view.focal_px)
+
+
+def random_sweep(rng: np.random.Generator) -> Sweep:
+    speed, spin = 10 ** rng.uniform(0, 4), 10 ** rng.uniform(-3, 0.3)
+    ways = rng.normal(size=(2, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    spin = spin * rng.integers(0, 2)
+    return Sweep(tuple(ways[0] * speed), tuple(ways[1] * spin), 1.0)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_all_in_a_sphere_moves_at_least_by_its_blur(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    view, sweep = view_at(1e4, pitch_deg=-30.0), random_sweep(rng)
+    away = 10 ** rng.uniform(1, 5)
+    offset = (*rng.uniform(-0.3, 0.3, 2) * away, -away)
+    centre, radius_m = (
+        view.eye + np.array(offset) @ view.rotation,
+        away * rng.uniform(0, 0.7),
+    )
+    way = rng.normal(size=(100, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    points = centre + way * radius_m * rng.random((100, 1)) ** (1 / 3)
+    dt_s = 1e-6
+    before, after = (on_screen_px(v, points) for v in (view, moved(view, sweep, dt_s)))
+    speed_px_s = np.linalg.norm(after - before, axis=1) / dt_s
+    least_px = blur_px(lens_of(view, sweep=sweep), *centre, radius_m)
+    assert speed_px_s.min() >= least_px * (1 - 1e-3) - 1e-3
+
+
+def test_a_point_on_the_axis_moves_by_speed_over_distance_and_by_the_turn() -> None:
+    view = view_at(1e4, pitch_deg=-30.0)
+    point = view.eye + view.forward * 500.0
+    right, up = view.rotation[:2]
+    for velocity, spin, expected_rad_s in (
+        (right * 20.0, up * 0.0, 0.04),
+        (view.forward * 20.0, up * 0.0, 0.0),
+        (right * 0.0, up * 0.3, 0.3),
+        (right * 20.0, up * 0.04, 0.0),  # turns after the point
+    ):
+        lens = lens_of(view, sweep=Sweep(tuple(velocity), tuple(spin), 0.5))
+        found = blur_px(lens, *point, 0.0)
+        assert found == pytest.approx(0.5 * expected_rad_s * view.focal_px, abs=1e-6)
+
+
+def test_without_a_shutter_nothing_blurs() -> None:
+    view = view_at(1e4)
+    assert blur_px(lens_of(view), *(view.eye + 100.0), 1.0) == 0.0

@@ -12,6 +12,9 @@ from geopage.settings import PagerSettings, Throttle
         ("object_threshold_px", -1.0),
         ("budget_bytes", 0),
         ("policy", "fastest"),
+        ("detail", "colour"),
+        ("fade_s", -0.1),
+        ("fade_s", float("nan")),
     ],
 )
 def test_a_setting_out_of_range_is_refused_with_its_value(name: str, value: object) -> None:

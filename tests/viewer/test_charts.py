@@ -82,6 +82,16 @@ def test_the_chart_shows_what_was_measured_beside_what_the_selection_knows(
     assert mixed.count("known to the selection") == text.count("known to the selection")
 
 
+def test_flights_with_detail_by_speed_are_a_curve_of_their_own(tmp_path: Path) -> None:
+    plain, by_speed = report(2, 30, 0.8), report(2, 12, 3.1)
+    plain["settings"]["detail"] = "size"
+    by_speed["settings"]["detail"] = "size-and-speed"
+    speed_against_accuracy([report(1, 40, 0.4), plain, by_speed], tmp_path / "c.svg")
+    text = (tmp_path / "c.svg").read_text()
+    assert text.count("<!-- benefit, settled: known to the selection") == 1
+    assert text.count("<!-- benefit, detail by size and speed, settled: known") == 1
+
+
 def test_the_same_runs_make_the_same_chart(tmp_path: Path) -> None:
     runs = [report(1, 30, 0.8), report(4, 12, 3.1)]
     for name in ("a.svg", "b.svg"):

@@ -82,6 +82,24 @@ def bad_path(tmp_path: Path, **changes: object) -> str:
 
 
 @pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--fade", "-1"], "-1"),
+        (["--fade", "60"], "60"),
+        (["--fade", "soon"], "soon"),
+        (["--detail", "colour"], "colour"),
+    ],
+)
+def test_how_detail_changes_is_checked(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["fly", "a.geopage", "b.json", "--out", "c", *words]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert said in err
+
+
+@pytest.mark.parametrize(
     ("changes", "said"),
     [({"t_s": None}, "t_s"), ({"t_s": 0.0}, "not after"), ({"lat_deg": 91.0}, "lat_deg")],
 )

@@ -171,7 +171,10 @@ def test_the_drawn_prefix_is_what_is_larger_than_the_threshold(
     room, lists, pool = prepared(world)
     drawn = whole_list(world, view)
     parts = drawn.own, drawn.proxies, pool
-    n, _, objects = cull.cull_objects(lists, parts, cull.eye_of(view), threshold_px, room)
+    n, _, objects, fading = cull.cull_objects(
+        lists, parts, drawn.shares(0.0), cull.eye_of(view), threshold_px, room
+    )
+    assert not fading
     tile = world.objects[0]
     near = np.linalg.norm(lists.centre[0] - view.eye) - lists.radius_m[0]
     end = prefix_end(tile.objects, threshold_px * near / view.focal_px)

@@ -16,11 +16,14 @@ def test_the_version_comes_first_and_the_define_before_its_use() -> None:
     assert text.index("#define TERRAIN") < text.index("#ifdef TERRAIN")
 
 
-@pytest.mark.parametrize("name", [name for names in VARIANTS for name in names])
-def test_every_variant_of_the_terrain_compiles(
-    gl_context: moderngl.Context, name: str
+@pytest.mark.parametrize(
+    ("lane", "name"),
+    [(lane, name) for lane in Lane for names in VARIANTS[lane] for name in names],
+)
+def test_every_variant_compiles(
+    gl_context: moderngl.Context, lane: Lane, name: str
 ) -> None:
-    make_program(gl_context, Lane.TERRAIN, name).release()
+    make_program(gl_context, lane, name).release()
 
 
 @pytest.mark.parametrize(("colours", "mean"), [("WALLS", "WALL"), ("ROOFS", "ROOF")])
@@ -38,10 +41,13 @@ def test_proxies_have_the_mean_colour_of_buildings(colours: str, mean: str) -> N
     assert np.allclose(vectors(f"const vec3 MEAN_{mean}")[0] ** 2, mean_light, atol=1e-3)
 
 
-@pytest.mark.parametrize("counts", [(0, 0, 0), (1, 1, 0), (7, 9, 4), (6, 5, 5)])
-def test_the_parts_of_a_frame_cover_each_draw_once(counts: tuple[int, int, int]) -> None:
-    objects, terrain, grained = counts
+@pytest.mark.parametrize("counts", [(0, 0, 0, 0), (1, 0, 1, 0), (7, 3, 9, 4), (6, 6, 5, 5)])
+def test_the_parts_of_a_frame_cover_each_draw_once(
+    counts: tuple[int, int, int, int],
+) -> None:
+    objects, fading, terrain, grained = counts
     parts = [list(range(first, first + n)) for first, n in parts_of(*counts)]
-    assert list(chain(*parts[:2])) == list(range(objects))
-    assert list(chain(*parts[2:])) == list(range(terrain))
-    assert len(parts[2]) == grained
+    assert list(chain(*parts[:3])) == list(range(objects))
+    assert list(chain(*parts[3:])) == list(range(terrain))
+    assert len(parts[2]) == fading
+    assert len(parts[3]) == grained

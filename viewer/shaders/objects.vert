@@ -2,6 +2,9 @@ out vec2 wall;          // windows along the wall, floors above the base
 flat out vec4 paint;    // lit colour behind the air; 1 for walls with windows
 flat out vec3 pane;     // colour of windows behind the air
 flat out vec3 air;      // light of the air before it
+#ifdef FADE
+flat out vec2 share;    // part of the screen's pattern that shows it
+#endif
 
 uint mixed(uint x) {
     x ^= x >> 16; x *= 0x7feb352du; x ^= x >> 15; x *= 0x846ca68bu; x ^= x >> 16;
@@ -21,6 +24,9 @@ const vec3 MEAN_WALL = vec3(0.8209, 0.7931, 0.7559);
 const vec3 MEAN_ROOF = vec3(0.5730, 0.5500, 0.5328);
 const vec2 WINDOW_M = vec2(2.9, 3.1);
 
+layout(std140, binding = 1) uniform Palette { vec4 palette[256]; };
+const float STYLED_WALL = 0.86;  // squared below
+
 vec3 own_colour(bool is_roof) {
     if (detail.y == 65535u) return is_roof ? MEAN_ROOF : MEAN_WALL;
     uint h = mixed(uint(draw_place.x) * 1021u + detail.y);
@@ -28,7 +34,14 @@ vec3 own_colour(bool is_roof) {
     return shade * (is_roof ? ROOFS[h >> 3 & 7u] : WALLS[h & 7u]);
 }
 
+vec3 styled_colour(bool is_roof) {
+    return is_roof ? palette[style].rgb : STYLED_WALL * palette[style].rgb;
+}
+
 void main() {
+#ifdef FADE
+    share = draw_place.yz;
+#endif
     vec3 seen = seen_from_eye();
     gl_Position = to_clip(seen);
     vec3 n = normal.xyz;
@@ -37,12 +50,13 @@ void main() {
     float open_sky = 0.5 + 0.5 * dot(n, draw_up.xyz);
     vec3 ambient = mix(vec3(0.36, 0.33, 0.30), vec3(0.45, 0.50, 0.58), open_sky);
     vec3 lit = ambient * (1.0 + 0.25 * facing) + vec3(0.70, 0.65, 0.57) * max(facing, 0.0);
-    vec3 colour = own_colour(is_roof);
+    bool is_styled = style != 0u;
+    vec3 colour = is_styled ? styled_colour(is_roof) : own_colour(is_roof);
     float height = max(length(eye.xyz + seen * TO_UNIT) - 1.0, 0.0);
     vec3 t = clear_through(hazy(relative_air(height, eye.w / EARTH, length(seen) / EARTH)));
     float day = daylight(draw_up.xyz);
     vec3 light = t * (day * picture.w);
-    paint = vec4(colour * colour * lit * light, is_roof ? 0.0 : 1.0);
+    paint = vec4(colour * colour * lit * light, is_roof || is_styled ? 0.0 : 1.0);
     pane = vec3(0.10, 0.13, 0.17) * (0.55 + 0.45 * max(facing, 0.0)) * light;
     air = AIR_LIGHT * day * (1.0 - t);
     // The wall's level direction: whole along a flat wall, so windows stay in line.

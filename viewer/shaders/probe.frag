@@ -2,6 +2,7 @@ flat in vec3 corner_a;
 flat in vec3 corner_b;
 flat in vec3 corner_c;
 flat in int id_code;
+flat in vec2 id_share;
 
 layout(location = 0) out vec4 place;
 layout(location = 1) out int id;
@@ -18,6 +19,7 @@ vec3 weights(vec3 way) {
 }
 
 void main() {
+    if (is_left_out(id_share)) discard;
     vec3 w = weights(way_of_pixel());
     place = vec4(w.x * corner_a + w.y * corner_b + w.z * corner_c, 1.0);
     id = id_code;

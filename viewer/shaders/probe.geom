@@ -5,10 +5,12 @@ layout(triangle_strip, max_vertices = 3) out;
 
 in vec3 seen[];
 flat in int code[];
+flat in vec2 share[];
 flat out vec3 corner_a;
 flat out vec3 corner_b;
 flat out vec3 corner_c;
 flat out int id_code;
+flat out vec2 id_share;
 
 void main() {
     for (int i = 0; i < 3; ++i) {
@@ -16,6 +18,7 @@ void main() {
         corner_b = seen[1];
         corner_c = seen[2];
         id_code = code[0];
+        id_share = share[0];
         gl_Position = gl_in[i].gl_Position;
         EmitVertex();
     }

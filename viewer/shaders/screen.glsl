@@ -3,6 +3,5 @@
 
 vec4 to_screen(vec3 colour) {
     vec3 root = sqrt(clamp(colour, 0.0, 1.0));
-    float noise_ = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
-    return vec4(root + (noise_ - 0.5) / 255.0, 1.0);
+    return vec4(root + (pattern() - 0.5) / 255.0, 1.0);
 }
