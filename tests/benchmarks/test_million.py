@@ -59,7 +59,8 @@ def alone(count: int) -> Iterator[Footprints]:
 def far_away(store: Path, count: int) -> Iterator[Footprints]:
     """Copies of the city, eight degrees to the east."""
     for part in replicated(CITY, store, count, None, None):
-        east = shapely.transform(part.geometry, lambda xy: xy + (FAR_DEG, 0.0))
+        by = np.array((FAR_DEG, 0.0))
+        east = shapely.transform(part.geometry, lambda xy, by=by: xy + by)
         yield replace(part, geometry=east)
 
 
