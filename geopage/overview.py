@@ -35,9 +35,20 @@ def overview(store: Store) -> dict[str, Any]:
         "path": str(store.path),
         "bytes": store.path.stat().st_size,
         "objects": store.object_count(),
+        "objects_per_cell": _objects_per_cell(store),
         "sources": sources,
         "lanes": lanes,
     }
+
+
+def _objects_per_cell(store: Store) -> dict[str, float]:
+    """Return the spread of the number of objects in the cells that hold any."""
+    held = store.connection.execute("SELECT COUNT(*) FROM object GROUP BY cell").fetchall()
+    count = np.array(held, np.int64).ravel()
+    if not len(count):
+        return {}
+    median, p90 = np.percentile(count, (50, 90), method="nearest").tolist()
+    return {"median": median, "p90": p90, "max": int(count.max())}
 
 
 def _levels(store: Store, lane: Lane) -> list[dict[str, Any]]:
@@ -82,6 +93,8 @@ def _triangles(store: Store, lane: Lane, rows: NDArray[np.int32]) -> dict[str, i
 def overview_lines(found: dict[str, Any]) -> list[str]:
     """Return the overview as text."""
     lines = [f"{found['path']}: {found['bytes'] / 1e6:.1f} MB, {found['objects']} objects"]
+    if spread := found["objects_per_cell"]:
+        lines[0] += " ({median} a cell, median; at most {max})".format(**spread)
     for source in found["sources"]:
         details = ", ".join(f"{k} {source[k]}" for k in ("datum", "path") if k in source)
         spacing = f"{source['spacing_m']:.1f} m, " if "spacing_m" in source else ""
