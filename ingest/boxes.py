@@ -1,14 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Boxes of longitude and latitude, which may reach over the antimeridian."""
 
+from functools import lru_cache
+
 import numpy as np
 
-from tiles import cells
+from tiles import cells, geodesy
 
 Box = tuple[float, float, float, float]
 """west, south, east, north, degrees; east may exceed 180"""
 DEGREE_M = 111e3
 """A little less than the shortest degree of a great circle, so that boxes grow enough."""
+
+
+@lru_cache(65536)
+def edges_rad(cell: int) -> Box:
+    """Return the west, south, east and north edge of a cell; asked for often."""
+    west, south, east, north = (float(edge) for edge in cells.bounds_rad(cell))
+    return west, south, east, north
+
+
+@lru_cache(65536)
+def edge_m(cell: int) -> float:
+    """Return the true edge of a cell, the root of its area."""
+    return float(geodesy.cell_edge_m(cell))
 
 
 def grown(box: Box, margin_m: float) -> Box:
@@ -28,11 +43,7 @@ def meet(one: Box, other: Box) -> bool:
 def overlap(cell: int, box: Box) -> Box | None:
     """Return the common part of a cell and a box, radians, or None."""
     west, south, east, north = np.radians(box).tolist()
-    return _common(
-        tuple(float(edge) for edge in cells.bounds_rad(cell)),
-        (west, south, east, north),
-        2 * np.pi,
-    )
+    return _common(edges_rad(cell), (west, south, east, north), 2 * np.pi)
 
 
 def touches(cell: int, boxes: list[Box]) -> bool:
@@ -48,3 +59,14 @@ def _common(one: tuple[float, ...], other: Box, turn: float) -> Box | None:
         if w < e and s < n:
             return w, s, e, n
     return None
+
+
+@lru_cache
+def window_in(ancestor: int, cell: int) -> tuple[float, float, float]:
+    """Return (u, v, size) of a cell in an ancestor, fractions, exact."""
+    depth = int(cells.level(cell)) - int(cells.level(ancestor))
+    row, col = cells.row_col(cell)
+    top_row, top_col = cells.row_col(ancestor)
+    scale = 2.0**-depth
+    u = (int(col) - (int(top_col) << depth)) * scale
+    return u, (int(row) - (int(top_row) << depth)) * scale, scale

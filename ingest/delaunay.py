@@ -34,19 +34,20 @@ class Net(NamedTuple):
     """(3 m,) the half-edge across from each, -1 on the rim"""
 
 
-@kernel
+@inlined
 def write_triangle(
-    net: Net,
+    corner: Ints,
+    opposite: Ints,
     t: int,
     points: tuple[int, int, int],
     across: tuple[int, int, int],
 ) -> None:
     """Write triangle t and tell the half-edges across from it."""
     for k in range(3):
-        net.corner[t, k] = points[k]
-        net.opposite[3 * t + k] = across[k]
+        corner[t, k] = points[k]
+        opposite[3 * t + k] = across[k]
         if across[k] >= 0:
-            net.opposite[across[k]] = 3 * t + k
+            opposite[across[k]] = 3 * t + k
 
 
 @inlined
@@ -74,7 +75,7 @@ def _legalise(net: Net, stack: Ints, depth: int, star: Ints, size: int) -> int:
 
     Every triangle that changes joins the star of the new point; returns its size.
     """
-    corner, opposite = net.corner, net.opposite
+    at, flat, corner, opposite = net.at, net.flat, net.corner, net.opposite
     while depth > 0:
         depth -= 1
         a = stack[depth]
@@ -84,15 +85,15 @@ def _legalise(net: Net, stack: Ints, depth: int, star: Ints, size: int) -> int:
         ta, ka, tb, kb = a // 3, a % 3, b // 3, b % 3
         right, left = corner[ta, ka], corner[ta, (ka + 1) % 3]
         top, far = corner[ta, (ka + 2) % 3], corner[tb, (kb + 2) % 3]
-        if not _in_circle(net.flat, right, left, top, far):
+        if not _in_circle(flat, right, left, top, far):
             continue
         # What is round on the ground may be bent inwards here.
-        if turn(net.at, top, right, far) <= 0 or turn(net.at, far, left, top) <= 0:
+        if turn(at, top, right, far) <= 0 or turn(at, far, left, top) <= 0:
             continue
         a1, a2 = opposite[3 * ta + (ka + 1) % 3], opposite[3 * ta + (ka + 2) % 3]
         b1, b2 = opposite[3 * tb + (kb + 1) % 3], opposite[3 * tb + (kb + 2) % 3]
-        write_triangle(net, ta, (top, right, far), (a2, b1, -1))
-        write_triangle(net, tb, (far, left, top), (b2, a1, 3 * ta + 2))
+        write_triangle(corner, opposite, ta, (top, right, far), (a2, b1, -1))
+        write_triangle(corner, opposite, tb, (far, left, top), (b2, a1, 3 * ta + 2))
         star[size] = tb
         size += 1
         stack[depth] = 3 * ta + 1
@@ -102,37 +103,35 @@ def _legalise(net: Net, stack: Ints, depth: int, star: Ints, size: int) -> int:
 
 
 @kernel
-def _split_face(net: Net, count: int, t: int, p: int) -> int:
+def _split_face(corner: Ints, opposite: Ints, count: int, t: int, p: int) -> int:
     """Put p into the inside of triangle t; returns the new count of triangles."""
-    opposite = net.opposite
-    a, b, c = net.corner[t]
+    a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
     h0, h1, h2 = opposite[3 * t], opposite[3 * t + 1], opposite[3 * t + 2]
     u, v = count, count + 1
-    write_triangle(net, t, (a, b, p), (h0, -1, -1))
-    write_triangle(net, u, (b, c, p), (h1, -1, 3 * t + 1))
-    write_triangle(net, v, (c, a, p), (h2, 3 * t + 2, 3 * u + 1))
+    write_triangle(corner, opposite, t, (a, b, p), (h0, -1, -1))
+    write_triangle(corner, opposite, u, (b, c, p), (h1, -1, 3 * t + 1))
+    write_triangle(corner, opposite, v, (c, a, p), (h2, 3 * t + 2, 3 * u + 1))
     return count + 2
 
 
 @kernel
-def _split_edge(net: Net, count: int, e: int, p: int) -> int:
+def _split_edge(corner: Ints, opposite: Ints, count: int, e: int, p: int) -> int:
     """Put p on half-edge e of its triangle and of the one across; returns the new count."""
-    corner, opposite = net.corner, net.opposite
     t, k, f = e // 3, e % 3, opposite[e]
     a, b, c = corner[t, k], corner[t, (k + 1) % 3], corner[t, (k + 2) % 3]
     bc, ca = opposite[3 * t + (k + 1) % 3], opposite[3 * t + (k + 2) % 3]
     u = count
     if f < 0:
-        write_triangle(net, t, (a, p, c), (-1, -1, ca))
-        write_triangle(net, u, (p, b, c), (-1, bc, 3 * t + 1))
+        write_triangle(corner, opposite, t, (a, p, c), (-1, -1, ca))
+        write_triangle(corner, opposite, u, (p, b, c), (-1, bc, 3 * t + 1))
         return count + 1
     s, m, v = f // 3, f % 3, count + 1
     d = corner[s, (m + 2) % 3]
     ad, db = opposite[3 * s + (m + 1) % 3], opposite[3 * s + (m + 2) % 3]
-    write_triangle(net, t, (a, p, c), (-1, -1, ca))
-    write_triangle(net, u, (p, b, c), (-1, bc, 3 * t + 1))
-    write_triangle(net, s, (b, p, d), (3 * u, -1, db))
-    write_triangle(net, v, (p, a, d), (3 * t, ad, 3 * s + 1))
+    write_triangle(corner, opposite, t, (a, p, c), (-1, -1, ca))
+    write_triangle(corner, opposite, u, (p, b, c), (-1, bc, 3 * t + 1))
+    write_triangle(corner, opposite, s, (b, p, d), (3 * u, -1, db))
+    write_triangle(corner, opposite, v, (p, a, d), (3 * t, ad, 3 * s + 1))
     return count + 2
 
 
@@ -151,9 +150,9 @@ def insert(
     if edge >= 0:
         if opposite[edge] >= 0:
             star[1], size = opposite[edge] // 3, 2
-        count = _split_edge(net, count, edge, p)
+        count = _split_edge(corner, opposite, count, edge, p)
     else:
-        count = _split_face(net, count, t, p)
+        count = _split_face(corner, opposite, count, t, p)
     for s in range(before, count):
         star[size] = s
         size += 1

@@ -43,6 +43,13 @@ class Posts(NamedTuple):
     """How far a straight line of the cell may be bent in columns and rows"""
 
 
+class Found(NamedTuple):
+    """The largest distances so far."""
+
+    squared: Floats
+    uv: Floats
+
+
 @inlined
 def squared_gap(a: Point, b: Point) -> float:
     """Return the squared distance of two points."""
@@ -60,12 +67,6 @@ def _minus(a: Point, b: Point) -> Point:
 
 
 @inlined
-def _corner(mesh: Mesh, t: int, k: int) -> Point:
-    p = mesh.triangles[t, k]
-    return mesh.points[p, 0], mesh.points[p, 1], mesh.points[p, 2]
-
-
-@inlined
 def upright_gap(middle: Point, flat: Point, true: Point) -> float:
     """Squared difference in height of two points, -1 where that is not asked for."""
     if middle[0] == 0.0 and middle[1] == 0.0 and middle[2] == 0.0:
@@ -75,15 +76,15 @@ def upright_gap(middle: Point, flat: Point, true: Point) -> float:
 
 
 @kernel
-def to_mesh(mesh: Mesh, t: int, point: Point) -> float:
+def to_mesh(points: Floats, triangles: Ints, across: Ints, t: int, point: Point) -> float:
     """Squared shortest distance of a point from triangle t, or from one near it.
 
     In a cell at a pole, what is straight in longitude and latitude is bent on the ground,
     and triangles may have no area: the point may lie over another triangle. Those nearest
     so far are asked for their neighbours.
     """
-    best = _to_triangle(mesh, t, point)
-    if max(mesh.across[t, 0], mesh.across[t, 1], mesh.across[t, 2]) < 0:
+    best = _to_triangle(points, triangles, t, point)
+    if max(across[t, 0], across[t, 1], across[t, 2]) < 0:
         return best
     ids, far, count = np.empty(3 * ASKED + 1, np.int64), np.empty(3 * ASKED + 1), 1
     ids[0], far[0] = t, best
@@ -94,18 +95,25 @@ def to_mesh(mesh: Mesh, t: int, point: Point) -> float:
         ids[n], ids[nearest] = ids[nearest], ids[n]
         far[n], far[nearest] = far[nearest], far[n]
         for k in range(3):
-            other = mesh.across[ids[n], k]
+            other = across[ids[n], k]
             if other >= 0 and not (ids[:count] == other).any():
-                ids[count], far[count] = other, _to_triangle(mesh, other, point)
+                ids[count] = other
+                far[count] = _to_triangle(points, triangles, other, point)
                 best = min(best, far[count])
                 count += 1
     return best
 
 
+@inlined
+def _corner(points: Floats, p: int) -> Point:
+    return points[p, 0], points[p, 1], points[p, 2]
+
+
 @kernel
-def _to_triangle(mesh: Mesh, t: int, point: Point) -> float:
+def _to_triangle(points: Floats, triangles: Ints, t: int, point: Point) -> float:
     """Squared distance of a point from a triangle."""
-    a, b, c = _corner(mesh, t, 0), _corner(mesh, t, 1), _corner(mesh, t, 2)
+    a = _corner(points, triangles[t, 0])
+    b, c = _corner(points, triangles[t, 1]), _corner(points, triangles[t, 2])
     along, across, off = _minus(b, a), _minus(c, a), _minus(point, a)
     uu, uv, vv = _dot(along, along), _dot(along, across), _dot(across, across)
     du, dv = _dot(along, off), _dot(across, off)
@@ -127,27 +135,18 @@ def _to_edge(a: Point, b: Point, point: Point) -> float:
 
 
 @kernel
-def _to_true_plane(posts: Posts, x: float, y: float, flat: Point, true: Point) -> float:
-    """Squared distance of a drawn point from the plane of the true triangle under it."""
-    c = min(max(int(np.floor(x)), 0), posts.points.shape[1] - 2)
-    r = min(max(int(np.floor(y)), 0), posts.points.shape[0] - 2)
-    corner = posts.points[r, c + 1] if x - c > y - r else posts.points[r + 1, c]
-    first, last = posts.points[r, c], posts.points[r + 1, c + 1]
-    ux, uy, uz = corner[0] - first[0], corner[1] - first[1], corner[2] - first[2]
-    vx, vy, vz = last[0] - first[0], last[1] - first[1], last[2] - first[2]
-    normal = (
-        float(uy * vz - uz * vy),
-        float(uz * vx - ux * vz),
-        float(ux * vy - uy * vx),
-    )
-    return float(_dot(normal, _minus(flat, true)) ** 2 / max(_dot(normal, normal), 1e-12))
-
-
-@kernel
-def both_ways(
-    mesh: Mesh, posts: Posts, t: int, at: tuple[float, float], pair: tuple[Point, Point]
+def to_true_plane(
+    posts: NDArray[np.float32], x: float, y: float, flat: Point, true: Point
 ) -> float:
-    """Squared distance, both ways, where an edge inside the cell crosses a line."""
-    flat, true = pair
-    plane = _to_true_plane(posts, at[0], at[1], flat, true)
-    return max(plane, to_mesh(mesh, t, true))
+    """Squared distance of a drawn point from the plane of the true triangle under it."""
+    c = min(max(int(np.floor(x)), 0), posts.shape[1] - 2)
+    r = min(max(int(np.floor(y)), 0), posts.shape[0] - 2)
+    row, col = (r, c + 1) if x - c > y - r else (r + 1, c)
+    ux = float(posts[row, col, 0] - posts[r, c, 0])
+    uy = float(posts[row, col, 1] - posts[r, c, 1])
+    uz = float(posts[row, col, 2] - posts[r, c, 2])
+    vx = float(posts[r + 1, c + 1, 0] - posts[r, c, 0])
+    vy = float(posts[r + 1, c + 1, 1] - posts[r, c, 1])
+    vz = float(posts[r + 1, c + 1, 2] - posts[r, c, 2])
+    normal = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return float(_dot(normal, _minus(flat, true)) ** 2 / max(_dot(normal, normal), 1e-12))

@@ -8,8 +8,8 @@ as it takes: a map projection for each texel would take longer than all the rest
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.boxes import edge_m, edges_rad
 from ingest.layer import Layer
-from tiles import cells, geodesy
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel
 from tiles.terrain import TEXTURE_SIDE
@@ -39,7 +39,7 @@ def drape(cell: int, pictures: list[Layer]) -> NDArray[np.float32]:
     """
     out = np.zeros((TEXTURE_SIDE, TEXTURE_SIDE, 5), np.float32)
     out[..., CLEAR] = 1.0
-    texel_m = float(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE
+    texel_m = edge_m(cell) / TEXTURE_SIDE
     for layer in reversed(pictures):
         for part in parts_under(cell, layer.bounds_deg):
             _lay(out, cell, layer, part, texel_m)
@@ -52,7 +52,7 @@ def parts_under(
     cell: int, bounds_deg: tuple[float, float, float, float]
 ) -> list[tuple[int, int, int, int]]:
     """Return the rectangles of texels, (x0, x1, y0, y1), that meet a box."""
-    west, south, east, _ = cells.bounds_rad(cell)
+    west, south, east, _ = edges_rad(cell)
     texel = float(east - west) / TEXTURE_SIDE
     box = np.radians(bounds_deg)
     y0, y1 = _span((box[1] - south) / texel, (box[3] - south) / texel)
@@ -90,7 +90,7 @@ def _nodes(
     cell: int, layer: Layer, part: tuple[int, int, int, int], texel_px: float
 ) -> Floats:
     """Return columns and rows in a picture, (2, n + 1, n + 1), over a rectangle."""
-    west, south, east, north = cells.bounds_rad(cell)
+    west, south, east, north = edges_rad(cell)
     x0, x1, y0, y1 = part
     for count in NODES:
         along = np.arange(count + 1) / (count * TEXTURE_SIDE)

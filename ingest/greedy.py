@@ -17,6 +17,7 @@ Garland and Heckbert 1995, Fast Polygonal Approximation of Terrains and Height F
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ingest.delaunay import Ints, Net, insert, turn, write_triangle
 from tiles.frames import Floats
@@ -25,12 +26,15 @@ from tiles.mesh import UV_ONE
 
 ALWAYS = 1e12
 """Added to the squared distance of points that must be vertices, m2"""
-CHUNK = 64
-"""Triangles whose largest error is kept together, so that few are looked at again."""
+CHUNK = 8
+"""Triangles whose largest error is one of the numbers that the worst is chosen from"""
 CORNERS = 4
 """The first points are the square's corners, south-west first, counter-clockwise."""
 MOST_TRIANGLES = 120_000
 """More would have more vertices than 16 bits can name."""
+
+
+Corners = tuple[int, int, int]
 
 
 class Lists(NamedTuple):
@@ -48,23 +52,25 @@ class Lists(NamedTuple):
     """(n,) squared distance of each vertex when it was inserted"""
     normals: Floats
     """(m, 3) room for unit normals"""
+    fresh: NDArray[np.bool_]
+    """(m,) triangles written since somebody looked"""
 
 
-@kernel
-def _slopes(net: Net, star: Ints, size: int, normals: Floats) -> None:
+@inlined
+def _slopes(
+    points: Floats, middle: Floats, corner: Ints, star: Ints, size: int, normals: Floats
+) -> None:
     """Write what a difference is multiplied by to give the distance from a triangle."""
-    points, middle = net.points, net.middle
     upright = middle[0] != 0.0 or middle[1] != 0.0 or middle[2] != 0.0
     for n in range(size):
-        a, b, c = net.corner[star[n]]
-        x, y, z = points[a]
-        ux, uy, uz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
-        vx, vy, vz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
+        a, b, c = corner[star[n], 0], corner[star[n], 1], corner[star[n], 2]
+        px, py, pz = points[a, 0], points[a, 1], points[a, 2]
+        ux, uy, uz = points[b, 0] - px, points[b, 1] - py, points[b, 2] - pz
+        vx, vy, vz = points[c, 0] - px, points[c, 1] - py, points[c, 2] - pz
         x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         length = np.sqrt(x * x + y * y + z * z)
         if upright:
-            px, py, pz = middle[0] + points[a, 0], middle[1] + points[a, 1], middle[2]
-            pz += points[a, 2]
+            px, py, pz = middle[0] + px, middle[1] + py, middle[2] + pz
             length = (x * px + y * py + z * pz) / np.sqrt(px * px + py * py + pz * pz)
         length = max(length, 1e-12)
         normals[n, 0], normals[n, 1], normals[n, 2] = x / length, y / length, z / length
@@ -79,13 +85,12 @@ def _off(points: Floats, normals: Floats, n: int, a: int, q: int) -> float:
     return float(off * off)
 
 
-@kernel
-def _off_rim(net: Net, t: int, q: int) -> float:
+@inlined
+def _off_rim(at: Ints, points: Floats, corners: Corners, q: int) -> float:
     """Squared distance of a point on the rim from the triangle at the same place."""
-    points = net.points
-    a, b, c = net.corner[t]
-    w0, w1 = turn(net.at, b, c, q), turn(net.at, c, a, q)
-    w2, squared = turn(net.at, a, b, q), 0.0
+    a, b, c = corners
+    w0, w1, w2 = turn(at, b, c, q), turn(at, c, a, q), turn(at, a, b, q)
+    squared = 0.0
     for k in range(3):
         there = w0 * points[a, k] + w1 * points[b, k] + w2 * points[c, k]
         squared += (there / (w0 + w1 + w2) - points[q, k]) ** 2
@@ -93,40 +98,37 @@ def _off_rim(net: Net, t: int, q: int) -> float:
 
 
 @kernel
-def _assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int) -> None:
-    """Give every orphan to the triangle of a star that it lies over; note the worst."""
-    at, corner, points = net.at, net.corner, net.points
+def _assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int) -> None:
+    """Give orphans but p to the triangle of a star that they lie over; note the worst."""
+    at, corner, points, must = net.at, net.corner, net.points, net.must
     head, after, candidate, worst = lists.head, lists.after, lists.candidate, lists.worst
     normals = lists.normals
-    _slopes(net, star, size, normals)
+    _slopes(points, net.middle, corner, star, size, normals)
     for n in range(size):
         t = star[n]
         head[t], candidate[t], worst[t] = -1, -1, -1.0
     while orphans >= 0:
         q = orphans
         orphans = after[q]
-        for n in range(size):
+        for n in range(size * int(q != p)):
             t = star[n]
-            a, b, c = corner[t]
-            if q in (a, b, c):
-                break
-            w2, w0, w1 = turn(at, a, b, q), turn(at, b, c, q), turn(at, c, a, q)
-            if w0 < 0 or w1 < 0 or w2 < 0:
+            a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
+            if turn(at, a, b, q) < 0 or turn(at, b, c, q) < 0 or turn(at, c, a, q) < 0:
                 continue
             after[q] = head[t]
             head[t] = q
             if at[q, 0] % UV_ONE == 0 or at[q, 1] % UV_ONE == 0:
-                squared = _off_rim(net, t, q)
+                squared = _off_rim(at, points, (a, b, c), q)
             else:
                 squared = _off(points, normals, n, a, q)
-            if net.must[q]:
+            if must[q]:
                 squared += ALWAYS
             if squared > worst[t]:
                 worst[t], candidate[t] = squared, q
             break
 
 
-@kernel
+@inlined
 def _orphaned(head: Ints, after: Ints, star: Ints, size: int) -> int:
     """Join the lists of a star's triangles to one; returns its first point."""
     first = -1
@@ -143,10 +145,9 @@ def _orphaned(head: Ints, after: Ints, star: Ints, size: int) -> int:
 @kernel
 def begin(net: Net, lists: Lists, points: int) -> int:
     """Make the first two triangles and give all points to them; returns their count."""
-    write_triangle(net, 0, (0, 1, 2), (-1, -1, -1))
-    write_triangle(net, 1, (0, 2, 3), (2, -1, -1))
-    star = np.arange(2)
-    _assign(net, lists, CORNERS if points > CORNERS else -1, star, 2)
+    write_triangle(net.corner, net.opposite, 0, (0, 1, 2), (-1, -1, -1))
+    write_triangle(net.corner, net.opposite, 1, (0, 2, 3), (2, -1, -1))
+    _assign(net, lists, CORNERS if points > CORNERS else -1, np.arange(2), 2, -1)
     return 2
 
 
@@ -178,20 +179,50 @@ def place(net: Net, lists: Lists, ids: Ints, size: int, near: Ints) -> None:
 @kernel
 def refine(net: Net, lists: Lists, count: int, bound: float) -> int:
     """Insert worst points until none is above the bound; returns the count of triangles."""
-    capacity, worst = len(net.corner), lists.worst
+    head, after, worst, fresh = lists.head, lists.after, lists.worst, lists.fresh
+    capacity = len(net.corner)
     star, stack = np.zeros(capacity, np.int64), np.zeros(3 * capacity + 8, np.int64)
-    peak = np.zeros((capacity + CHUNK - 1) // CHUNK)
-    for chunk in range(len(peak)):
-        peak[chunk] = worst[chunk * CHUNK : (chunk + 1) * CHUNK].max()
+    half = 1
+    while half * CHUNK < capacity:
+        half *= 2
+    peak = np.full(2 * half, -1.0)
+    for chunk in range((count + CHUNK - 1) // CHUNK):
+        _raise(peak, half, worst, chunk)
     while True:
-        chunk = int(np.argmax(peak[: (count + CHUNK - 1) // CHUNK]))
-        t = chunk * CHUNK + int(np.argmax(worst[chunk * CHUNK : (chunk + 1) * CHUNK]))
-        if worst[t] <= bound or lists.candidate[t] < 0 or count > MOST_TRIANGLES:
-            return count
+        t = _first(peak, half, worst)
         p = lists.candidate[t]
+        if worst[t] <= bound or p < 0 or count > MOST_TRIANGLES:
+            return count
         lists.weight[p] = worst[t]
         count, size = insert(net, count, t, p, stack, star)
-        _assign(net, lists, _orphaned(lists.head, lists.after, star, size), star, size)
+        _assign(net, lists, _orphaned(head, after, star, size), star, size, p)
         for n in range(size):
-            chunk = star[n] // CHUNK
-            peak[chunk] = worst[chunk * CHUNK : (chunk + 1) * CHUNK].max()
+            fresh[star[n]] = True
+            _raise(peak, half, worst, star[n] // CHUNK)
+
+
+@inlined
+def _raise(peak: Floats, half: int, worst: Floats, chunk: int) -> None:
+    """Tell a tree of largest values, the root at 1, that a chunk has changed."""
+    most = -1.0
+    for t in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(worst))):
+        most = max(most, worst[t])
+    node = half + chunk
+    while node > 0 and peak[node] != most:
+        peak[node] = most
+        most = max(most, peak[node ^ 1])
+        node //= 2
+
+
+@inlined
+def _first(peak: Floats, half: int, worst: Floats) -> int:
+    """Return the first triangle whose value is the tree's largest."""
+    node = 1
+    while node < half:
+        node *= 2
+        if peak[node] != peak[1]:
+            node += 1
+    t = (node - half) * CHUNK
+    while worst[t] != peak[1]:
+        t += 1
+    return t

@@ -38,15 +38,14 @@ def slopes_of(
     inner_lon, inner_lat = lon[1:-1, 1:-1], lat[1:-1, 1:-1]
     out = np.empty((*inner_lon.shape, 3))
     out[..., :2] = lattice_slopes(lon, lat, heights)
-    spacing_m = np.full(inner_lon.shape, step_m)
+    out[..., 2] = steeper_of(np.array(texel_m))
     if any(layer.spacing_m > WIDER * step_m for layer in mosaic.layers):
         found = mosaic.spacing_m(inner_lon.ravel(), inner_lat.ravel())
         spacing_m = found.reshape(inner_lon.shape)
         wide = np.isfinite(spacing_m) & (spacing_m > WIDER * step_m)
         places = inner_lon[wide], inner_lat[wide]
         out[wide, :2] = _wide_slopes(mosaic, *places, spacing_m[wide], step_m)
-        spacing_m[~wide] = 0.0
-    out[..., 2] = steeper_of(np.maximum(texel_m, spacing_m / LEAF_TEXELS))
+        out[wide, 2] = steeper_of(np.maximum(texel_m, spacing_m[wide] / LEAF_TEXELS))
     return out
 
 
@@ -58,7 +57,8 @@ def steeper_of(texel_m: Floats) -> Floats:
 
 def lattice_slopes(lon: Floats, lat: Floats, heights: Floats) -> Floats:
     """Return slopes from a lattice's neighbours, (n, n, 2)."""
-    width = WGS84_A_M * np.maximum(np.cos(lat[1:-1, 1:-1]), 1e-3)
+    # Rows lie along parallels.
+    width = WGS84_A_M * np.maximum(np.cos(lat[1:-1, :1]), 1e-3)
     east = (heights[1:-1, :-2] - heights[1:-1, 2:]) / (
         width * (lon[1:-1, 2:] - lon[1:-1, :-2])
     )

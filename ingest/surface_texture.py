@@ -4,11 +4,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import overlap
+from ingest.boxes import edge_m, edges_rad, overlap
 from ingest.drape import SHARE, drape
 from ingest.layer import Layer
-from tiles import cells, geodesy
-from tiles.frames import WGS84_A_M, Floats
+from tiles.frames import Floats
 from tiles.kernels import inlined, kernel, summing
 from tiles.terrain import TEXTURE_SIDE
 
@@ -54,29 +53,26 @@ SHADE, SUN = np.float32(0.46), np.float32(0.54 / 0.70710678)
 
 
 def colours(
-    cell: int, height_m: Floats, elevation_m: Floats, pictures: list[Layer]
+    cell: int, slopes: Floats, elevation_m: Floats, pictures: list[Layer]
 ) -> NDArray[np.float32]:
     """Paint a cell.
 
     Parameters
     ----------
-    height_m : (n + 3, n + 3) float64, posts of the cell with one more all round
-    elevation_m : the same posts above sea level
+    slopes : (n + 1, n + 1, 3) float64, of `slopes_of` at posts of the cell
+    elevation_m : (n + 1, n + 1) float64, the same posts above sea level
     pictures : coarsest first; the finest that covers a texel wins
 
     Returns
     -------
     (256, 256, 3) float32, sRGB 0..255, row 0 south
     """
-    texel_m = float(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE
-    steeper = 1.0 + 2.2 * float(np.clip(np.log10(max(texel_m, 1.0) / 100.0), 0.0, 2.5))
-    posts = _posts(height_m, elevation_m, *_spacings_m(cell, height_m.shape[0] - 3))
-    return _painted(posts, drape(cell, pictures), _snow_line_m(cell), np.float32(steeper))
+    return _painted(_posts(slopes, elevation_m), drape(cell, pictures), _snow_line_m(cell))
 
 
 def _snow_line_m(cell: int) -> NDArray[np.float32]:
     """Return where snow begins to lie, for each row of texels, (256,) m above the sea."""
-    _, south, _, north = cells.bounds_rad(cell)
+    _, south, _, north = edges_rad(cell)
     lat = south + (np.arange(TEXTURE_SIDE) + 0.5) / TEXTURE_SIDE * (north - south)
     line_m = np.interp(np.degrees(lat), SNOW_LAT_DEG, SNOW_LINE_M)
     return np.asarray(line_m - 0.5 / SNOW_SHARE, np.float32)
@@ -96,7 +92,7 @@ def texel_m_of(
     terrain : elevation models that hold posts in the cell
     pictures : all of them
     """
-    texel_m = float(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE
+    texel_m = edge_m(cell) / TEXTURE_SIDE
     shown = [p for p in pictures if overlap(cell, p.bounds_deg)]
     finer = any(p.spacing_m < FINER * texel_m for p in shown)
     if np.ptp(elevation_m) > FLAT_M:
@@ -104,38 +100,27 @@ def texel_m_of(
     return texel_m if finer else 0.0
 
 
-def _spacings_m(cell: int, side: int) -> tuple[Floats, float]:
-    """Return the distance of the posts: eastwards, (n + 1) rows, and northwards."""
-    _, south, _, north = cells.bounds_rad(cell)
-    lat = south + np.arange(side + 1) / side * (north - south)
-    metres = float(north - south) / side * WGS84_A_M
-    return metres * np.maximum(np.cos(lat), 1e-3), metres
-
-
 @kernel
-def _posts(height_m: Floats, elevation_m: Floats, east_m: Floats, north_m: float) -> Rows:
-    """Return the inner posts' unit normals, east-north-up, and elevations.
+def _posts(slopes: Floats, elevation_m: Floats) -> Rows:
+    """Return the posts' unit normals, east-north-up, elevations, exaggerations.
 
     Returns
     -------
-    (n + 1, n + 1, 4) float32
+    (n + 1, n + 1, 5) float32
     """
-    side = height_m.shape[0] - 2
-    out = np.empty((side, side, 4), np.float32)
+    side = len(slopes)
+    out = np.empty((side, side, 5), np.float32)
     for r in range(side):
         for c in range(side):
-            east = (height_m[r + 1, c] - height_m[r + 1, c + 2]) / (2 * east_m[r])
-            north = (height_m[r, c + 1] - height_m[r + 2, c + 1]) / (2 * north_m)
+            east, north = slopes[r, c, 0], slopes[r, c, 1]
             up = 1.0 / np.sqrt(east * east + north * north + 1.0)
             out[r, c, 0], out[r, c, 1], out[r, c, 2] = east * up, north * up, up
-            out[r, c, 3] = elevation_m[r + 1, c + 1]
+            out[r, c, 3], out[r, c, 4] = elevation_m[r, c], slopes[r, c, 2]
     return out
 
 
 @summing
-def _painted(
-    posts: Rows, picture: Rows, snow_m: NDArray[np.float32], steeper: np.float32
-) -> Rows:
+def _painted(posts: Rows, picture: Rows, snow_m: NDArray[np.float32]) -> Rows:
     """Paint every texel: height tint, snow, rock where it is steep, picture, relief.
 
     Parameters
@@ -143,24 +128,27 @@ def _painted(
     posts : of `_posts`, row 0 south
     picture : (256, 256, 5) of `drape`
     snow_m : (256,) of `_snow_line_m`
-    steeper : exaggeration of slopes in the relief, for coarse tiles
     """
     side, size = posts.shape[0] - 1, picture.shape[0]
     out = np.empty((size, size, 3), np.float32)
     spread = np.float32(side / size)
-    step = 0
+    step, row = 0, np.empty((side + 1, 5), np.float32)
     for y in range(size):
         v = (np.float32(y) + np.float32(0.5)) * spread
         r = min(int(v), side - 1)
         fy = v - np.float32(r)
+        for c in range(side + 1):
+            for k in range(5):
+                row[c, k] = posts[r, c, k] + fy * (posts[r + 1, c, k] - posts[r, c, k])
         for x in range(size):
             u = (np.float32(x) + np.float32(0.5)) * spread
             c = min(int(u), side - 1)
             fx = u - np.float32(c)
-            east = _between(posts, r, c, 0, fx, fy)
-            north = _between(posts, r, c, 1, fx, fy)
-            up = _between(posts, r, c, 2, fx, fy)
-            height = _between(posts, r, c, 3, fx, fy)
+            east = row[c, 0] + fx * (row[c + 1, 0] - row[c, 0])
+            north = row[c, 1] + fx * (row[c + 1, 1] - row[c, 1])
+            up = row[c, 2] + fx * (row[c + 1, 2] - row[c, 2])
+            height = row[c, 3] + fx * (row[c + 1, 3] - row[c, 3])
+            steeper = row[c, 4] + fx * (row[c + 1, 4] - row[c, 4])
             step = _step(height, step)
             part = (height - TINT_M[step]) / (TINT_M[step + 1] - TINT_M[step])
             part = min(max(part, ZERO), ONE)
@@ -178,16 +166,6 @@ def _painted(
                 colour = (bare * tint + picture[y, x, k]) * light
                 out[y, x, k] = min(max(colour, ZERO), WHITE)
     return out
-
-
-@inlined
-def _between(
-    posts: Rows, r: int, c: int, k: int, fx: np.float32, fy: np.float32
-) -> np.float32:
-    """Interpolate a value of the posts."""
-    south = posts[r, c, k] + fx * (posts[r, c + 1, k] - posts[r, c, k])
-    north = posts[r + 1, c, k] + fx * (posts[r + 1, c + 1, k] - posts[r + 1, c, k])
-    return np.float32(south + fy * (north - south))
 
 
 @inlined

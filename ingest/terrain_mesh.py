@@ -3,13 +3,15 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.boxes import edges_rad
 from ingest.triangulation import Triangulation
-from tiles import cells, geodesy
+from tiles import geodesy
 from tiles.frames import Ecef, Floats, Local
 from tiles.mesh import SKIRT, STEPS, UV_ONE, VERTEX, Mesh, quantise
 
@@ -49,29 +51,60 @@ CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 def lattice_places(cell: int, side: int, margin: int = 0) -> tuple[Floats, Floats]:
     """Return longitudes and latitudes, (side + 1 + 2 margin) squared, clamped at poles."""
-    west, south, east, north = cells.bounds_rad(cell)
+    west, south, east, north = edges_rad(cell)
     steps = np.arange(-margin, side + 1 + margin) / side
     lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
     return lon, np.clip(lat, -np.pi / 2, np.pi / 2)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Surface:
     """A cell's triangles, as they will be drawn (positions already rounded)."""
 
-    mesh: Mesh
+    cell: int
+    centre: Ecef
+    """(3,) m, of the mesh"""
+    steps: NDArray[np.int16]
+    """(v, 3) rounded positions around it"""
+    scale_m: float
+    """Metres a step"""
+    at: NDArray[np.int64]
+    """(v, 2) places, 0..UV_ONE, east and north"""
     triangles: NDArray[np.int64]
     """(t, 3) vertices of the surface, skirts apart"""
-    uv: Floats
-    """(v, 2) fractions of the cell, east and north"""
-    points: Floats
-    """(v, 3) float64 m around mesh.centre"""
+    border: NDArray[np.int64]
+    """(b, 2) vertices: the directed edges on the cell's rim"""
     used: NDArray[np.int64]
     """(v,) which of the places became vertices"""
     weight_m: Floats
     """(v,) how much each vertex matters: its distance from the surface without it"""
     across: NDArray[np.int64]
     """(t, 3) in a cell at a pole the triangle across from each edge, else -1"""
+    fresh: NDArray[np.bool_]
+    """(t,) triangles that the cell's surface before this one did not have"""
+
+    @cached_property
+    def uv(self) -> Floats:
+        """Return fractions of the cell, east and north, (v, 2)."""
+        return np.asarray(self.at / UV_ONE)
+
+    @cached_property
+    def points(self) -> Floats:
+        """Return positions, (v, 3) float64 m around the mesh's centre."""
+        return np.asarray(self.steps.astype(np.float64) * self.scale_m)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """Return what is stored, the skirt included."""
+        vertices = np.zeros(len(self.at), VERTEX)
+        vertices["position"], vertices["detail"] = self.steps, self.at
+        west, south, east, north = edges_rad(self.cell)
+        u, v = self.uv.T
+        up = geodesy.up(west + u * (east - west), south + v * (north - south))
+        vertices["normal"][:, :3] = np.rint(up * 127)
+        skirt, walls = _skirt(vertices, self.border)
+        indices = np.concatenate([self.triangles, walls]).astype("<u2").ravel()
+        return Mesh(self.centre, self.scale_m, np.concatenate([vertices, skirt]), indices)
 
 
 class Meshing:
@@ -86,6 +119,7 @@ class Meshing:
         flat = on_map(cell, places.at, places.lean)
         middle = np.asarray(self._centre) * float(upright)
         self._net = Triangulation(places.at, flat, local, middle)
+        self._scale_m = 0.0
 
     def refine(self, bound_m: float) -> None:
         """Insert places until none is further than a bound, rounding included."""
@@ -106,21 +140,26 @@ class Meshing:
         return self._net.add(at, flat, points - self._centre, near)
 
     def surface(self) -> Surface:
-        """Return the mesh as it is now, its skirt included."""
+        """Return the mesh as it is now."""
         net = self._net.result()
         steps, scale_m = quantise(Local(net.points))
-        vertices = np.zeros(len(net.used), VERTEX)
-        vertices["position"], vertices["detail"] = steps, net.at
-        uv = net.at / UV_ONE
-        west, south, east, north = cells.bounds_rad(self._cell)
-        lon, lat = west + uv[:, 0] * (east - west), south + uv[:, 1] * (north - south)
-        vertices["normal"][:, :3] = np.rint(geodesy.up(lon, lat) * 127)
-        skirt, walls = _skirt(vertices, net.border)
-        indices = np.concatenate([net.triangles, walls]).astype("<u2").ravel()
-        mesh = Mesh(self._centre, scale_m, np.concatenate([vertices, skirt]), indices)
+        # Another scale rounds all positions anew.
+        fresh = net.fresh | (scale_m != self._scale_m)
+        self._scale_m = scale_m
         across = net.across if at_pole(self._cell) else np.full_like(net.across, -1)
-        points = mesh.local[: len(uv)]
-        return Surface(mesh, net.triangles, uv, points, net.used, net.weight_m, across)
+        return Surface(
+            self._cell,
+            self._centre,
+            steps,
+            scale_m,
+            net.at,
+            net.triangles,
+            net.border,
+            net.used,
+            net.weight_m,
+            across,
+            fresh,
+        )
 
 
 def build_surface(cell: int, places: Places, bound_m: float) -> Surface:
@@ -137,7 +176,7 @@ def build_surface(cell: int, places: Places, bound_m: float) -> Surface:
 
 def at_pole(cell: int) -> bool:
     """Say whether a cell reaches to a pole."""
-    return max(abs(float(edge)) for edge in cells.bounds_rad(cell)[1::2]) > POLAR_RAD
+    return max(abs(edge) for edge in edges_rad(cell)[1::2]) > POLAR_RAD
 
 
 def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:
@@ -146,7 +185,7 @@ def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:
     The map has the cell's proportions, a little longer along one diagonal, so that four
     posts are joined along the other; of a cell at a pole it is stereographic.
     """
-    west, south, east, north = (float(edge) for edge in cells.bounds_rad(cell))
+    west, south, east, north = edges_rad(cell)
     u, v = (at / UV_ONE).T
     if not at_pole(cell):
         wide = (east - west) / (north - south) * math.cos((south + north) / 2)

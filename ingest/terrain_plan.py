@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which cells the sources ask for: where a cell splits, and how close a leaf must be."""
 
-from ingest.boxes import overlap
+from ingest.boxes import edge_m, edges_rad, overlap
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, step_m
 from ingest.truth import post_count
-from tiles import cells, geodesy
+from tiles import cells
 from tiles.terrain import TEXTURE_SIDE
 
 MAX_LEVEL = 20
@@ -33,8 +33,7 @@ class Plan:
 
     def _leaves(self, cell: int) -> float:
         """Estimate the leaves under a cell from the areas and spacings of the sources."""
-        edge_m = float(geodesy.cell_edge_m(cell))
-        west, south, east, north = cells.bounds_rad(cell)
+        west, south, east, north = edges_rad(cell)
         count = 0.0
         for layer in [*self._mosaic.layers, *self._pictures]:
             common = overlap(cell, layer.bounds_deg)
@@ -42,7 +41,7 @@ class Plan:
                 area = (common[2] - common[0]) * (common[3] - common[1])
                 share = area / float((east - west) * (north - south))
                 side = TEXTURE_SIDE if layer.is_picture else LEAF_SIDE
-                count += share * (edge_m / (side * layer.spacing_m)) ** 2
+                count += share * (edge_m(cell) / (side * layer.spacing_m)) ** 2
         return count
 
     def first_leaves(self, cell: int) -> list[int]:
@@ -73,7 +72,7 @@ class Plan:
 
     def held(self, cell: int) -> list[Layer]:
         """Return the elevation models with posts in a cell, coarsest first."""
-        box = [float(edge) for edge in cells.bounds_rad(cell)]
+        box = list(edges_rad(cell))
         return [layer for layer in self._mosaic.layers if layer.holds(box)]
 
     def leaf_bound_m(self, cell: int) -> float:

@@ -14,28 +14,26 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import Box, touches
+from ingest.boxes import Box, touches, window_in
 from ingest.deviation import deviation_of
+from ingest.fitting import fitted
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_mesh import Places, Surface, build_surface
 from ingest.terrain_plan import Plan
 from ingest.terrain_tile import (
     LEAF_SIDE,
-    fitted,
     inner_bound_m,
     joined,
     lattice_of,
     painted,
     step_m,
-    window_in,
 )
 from ingest.truth import Truth, places_of, truth_of
 from tiles import bounds, cells, terrain
 from tiles.codec import checksum
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
-from tiles.mesh import UV_ONE
 from tiles.terrain import TEXTURE_SIDE, TerrainTile, encode
 
 HEIGHTS = "min_height_m", "max_height_m"
@@ -188,8 +186,9 @@ class ZoneBuilder:
         for node in self._above:
             if node.surface:
                 window = window_in(node.cell, leaf)
-                gap_m = deviation_of(node.surface, window, truth).largest_m
-                node.error_m = max(node.error_m, gap_m)
+                known_m = node.error_m
+                found = deviation_of(node.surface, window, truth, least_m=known_m)
+                node.error_m = max(known_m, found.largest_m)
         return truth
 
     def _leaf(self, node: Node, places: Places) -> Node:
@@ -222,10 +221,21 @@ class ZoneBuilder:
         tile = terrain.decode(body)
         triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
         count = int(triangles.max()) + 1
-        uv = tile.mesh.vertices["detail"][:count] / UV_ONE
-        points = tile.mesh.local[:count]
-        every = np.arange(count), np.full(count, np.inf), np.full(triangles.shape, -1)
-        return Surface(tile.mesh, triangles.astype(np.int64), uv, points, *every)
+        at = tile.mesh.vertices["detail"][:count].astype(np.int64)
+        steps = tile.mesh.vertices["position"][:count]
+        return Surface(
+            cell,
+            tile.mesh.centre,
+            steps,
+            tile.mesh.scale_m,
+            at,
+            triangles.astype(np.int64),
+            np.zeros((0, 2), np.int64),
+            np.arange(count),
+            np.full(count, np.inf),
+            np.full(triangles.shape, -1),
+            np.ones(len(triangles), np.bool_),
+        )
 
     def _finish(self, node: Node) -> None:
         """Append a cell's record and body."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ingest.delaunay import Ints, Net
 from ingest.greedy import ALWAYS, CORNERS, Lists, begin, place, refine
 from tiles.frames import Floats
+from tiles.kernels import kernel
 from tiles.mesh import UV_ONE
 
 SPARE = 1024
@@ -40,8 +41,11 @@ class Triangulation:
             np.full(2 * room, -1.0),
             np.full(room, np.inf),
             np.empty((2 * room, 3)),
+            np.ones(2 * room, np.bool_),
         )
         self._lists.after[: len(at) - 1] = np.arange(1, len(at))
+        self._ids = np.argsort(_key(at))
+        self._keys = _key(at)[self._ids]
         self._count = begin(self._net, self._lists, len(at))
 
     def refine(self, bound_m: float) -> None:
@@ -60,18 +64,19 @@ class Triangulation:
         near : (n,) triangles, as `result` lists them, that they probably lie over;
             they are looked for from there
         """
-        first = np.unique(_key(at), return_index=True)[1]
-        known = _key(self._net.at[: self._size])
-        order = np.argsort(known)
-        found = np.searchsorted(known, _key(at[first]), sorter=order)
-        same = order[np.minimum(found, self._size - 1)]
-        old = known[same] == _key(at[first])
+        keys, first = np.unique(_key(at), return_index=True)
+        place_of = np.searchsorted(self._keys, keys)
+        same = self._ids[np.minimum(place_of, self._size - 1)]
+        old = _key(self._net.at[same]) == keys
         fresh, end = first[~old], self._size + int((~old).sum())
         if end > len(self._net.at):
             return False
         for held, more in zip(self._net[:3], (at, flat, points), strict=True):
             held[self._size : end] = more[fresh]
-        ids = np.concatenate([same[old], np.arange(self._size, end)])
+        new = np.arange(self._size, end)
+        self._keys = np.insert(self._keys, place_of[~old], keys[~old])
+        self._ids = np.insert(self._ids, place_of[~old], new)
+        ids = np.concatenate([same[old], new])
         start = np.zeros(len(at), np.int64) if near is None else near
         start = start[np.concatenate([first[old], fresh])]
         todo = np.isinf(self._lists.weight[ids]) & (ids >= CORNERS)
@@ -87,16 +92,38 @@ class Triangulation:
 
     def result(self) -> "Triangles":
         """Return the triangles as they are now."""
-        corner = self._net.corner[: self._count]
-        used, triangles = np.unique(corner, return_inverse=True)
-        triangles = triangles.reshape(-1, 3).astype(np.int64)
-        opposite = self._net.opposite[: 3 * self._count].reshape(-1, 3)
-        t, edge = np.nonzero(opposite < 0)
-        border = np.stack([triangles[t, edge], triangles[t, (edge + 1) % 3]], axis=1)
-        must = np.where(self._net.must[used], ALWAYS, 0.0)
-        weight_m = np.sqrt(np.maximum(self._lists.weight[used] - must, 0.0))
-        at, points = self._net.at[used], self._net.points[used]
-        return Triangles(used, at, points, triangles, border, opposite // 3, weight_m)
+        net, lists, count = self._net, self._lists, self._count
+        used, triangles, border = _numbered(net.corner, net.opposite, count, self._size)
+        must = np.where(net.must[used], ALWAYS, 0.0)
+        weight_m = np.sqrt(np.maximum(lists.weight[used] - must, 0.0))
+        fresh = lists.fresh[:count].copy()
+        lists.fresh[:count] = False
+        across = net.opposite[: 3 * count].reshape(-1, 3) // 3
+        return Triangles(
+            used, net.at[used], net.points[used], triangles, border, across, weight_m, fresh
+        )
+
+
+@kernel
+def _numbered(corner: Ints, opposite: Ints, count: int, size: int) -> tuple[Ints, ...]:
+    """Return the points that are vertices, the triangles and the rim's edges by them."""
+    number = np.full(size, -1)
+    for t in range(count):
+        for k in range(3):
+            number[corner[t, k]] = 0
+    used = np.flatnonzero(number == 0)
+    for i in range(len(used)):
+        number[used[i]] = i
+    triangles, border = np.empty((count, 3), np.int64), np.empty((3 * count, 2), np.int64)
+    edges = 0
+    for t in range(count):
+        for k in range(3):
+            triangles[t, k] = number[corner[t, k]]
+            if opposite[3 * t + k] < 0:
+                border[edges, 0] = number[corner[t, k]]
+                border[edges, 1] = number[corner[t, (k + 1) % 3]]
+                edges += 1
+    return used, triangles, border[:edges].copy()
 
 
 class Triangles(NamedTuple):
@@ -116,6 +143,8 @@ class Triangles(NamedTuple):
     """(t, 3) the triangle across from the edge of corners k and k + 1, -1 on the rim"""
     weight_m: Floats
     """(v,) how far each vertex was from the surface when it was inserted"""
+    fresh: NDArray[np.bool_]
+    """(t,) triangles that are not the same as in the result before"""
 
 
 def _roomy(values: NDArray[Any], room: int) -> NDArray[Any]:

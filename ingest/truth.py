@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import grown, overlap
+from ingest.boxes import edge_m, edges_rad, grown, overlap
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_mesh import CORNERS, Places, snapped
-from tiles import cells, geodesy
+from tiles import geodesy
 from tiles.frames import Ecef, Floats
 from tiles.kernels import inlined, kernel
 from tiles.mesh import UV_ONE
@@ -54,6 +54,10 @@ class Window:
     top: int
     right: int
     bottom: int
+    fit: Floats
+    """`grid` of `Truth`"""
+    misfit_posts: float
+    """Largest error of the fit"""
 
 
 def truth_of(mosaic: Mosaic, cell: int, side: int) -> Truth:
@@ -75,12 +79,12 @@ def truth_of(mosaic: Mosaic, cell: int, side: int) -> Truth:
     if len(void):
         heights.ravel()[void] = mosaic.heights(lon[void], lat[void], 0.0)
     spacing_m = window.layer.spacing_m
-    slack_m = bulge_m(spacing_m) + _misfit_posts(window, cell) * spacing_m
+    slack_m = bulge_m(spacing_m) + window.misfit_posts * spacing_m
     lon, lat = lon.reshape(col.shape), lat.reshape(col.shape)
     ecef = geodesy.to_ecef(lon, lat, heights)
     if _close_over_poles(mosaic, lat, ecef):
         slack_m *= 2
-    return _placed(cell, (lon, lat, heights), ecef, _fit(window, cell), slack_m)
+    return _placed(cell, (lon, lat, heights), ecef, window.fit, slack_m)
 
 
 def bulge_m(spacing_m: float) -> float:
@@ -113,9 +117,9 @@ def _close_over_poles(mosaic: Mosaic, lat: Floats, ecef: Ecef) -> bool:
 
 def _window(mosaic: Mosaic, cell: int, side: int) -> Window | None:
     """Choose the finest source with posts in a cell, if the cell is made of its posts."""
-    step_m = float(geodesy.cell_edge_m(cell)) / side
+    step_m = edge_m(cell) / side
     for layer in reversed(mosaic.layers):
-        if layer.holds([float(edge) for edge in cells.bounds_rad(cell)]):
+        if layer.holds(list(edges_rad(cell))):
             return _posts_around(layer, cell) if layer.spacing_m < 3 * step_m else None
         if overlap(cell, grown(layer.bounds_deg, mosaic.reach_m(layer))):
             # Here a finer source bends the coarser ones between their posts.
@@ -130,14 +134,17 @@ def _posts_around(layer: Layer, cell: int) -> Window | None:
         return None
     left, top = int(np.floor(col.min())), int(np.floor(row.min()))
     right, bottom = int(np.floor(col.max())) + 2, int(np.floor(row.max())) + 2
-    window = Window(layer, left, top, right, bottom)
     if (right - left) * (bottom - top) > MOST_POSTS:
         return None
-    return window if _misfit_posts(window, cell) < WORST_FIT_POSTS else None
+    fit = _fit(layer, left, top, cell)
+    misfit_posts = _misfit_posts(layer, fit, (left, top), cell)
+    if misfit_posts >= WORST_FIT_POSTS:
+        return None
+    return Window(layer, left, top, right, bottom, fit, misfit_posts)
 
 
 def _grid_places(cell: int, side: int) -> tuple[Floats, Floats]:
-    west, south, east, north = cells.bounds_rad(cell)
+    west, south, east, north = edges_rad(cell)
     steps = np.arange(side + 1) / side
     lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
     return lon, lat
@@ -148,11 +155,11 @@ def terms(u: Floats, v: Floats) -> Floats:
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
 
 
-def _fit(window: Window, cell: int) -> Floats:
-    """Fit columns and rows of the window to fractions of the cell, (2, 6)."""
+def _fit(layer: Layer, left: int, top: int, cell: int) -> Floats:
+    """Fit columns and rows from the first ones on to fractions of the cell, (2, 6)."""
     lon, lat = _grid_places(cell, FIT_SIDE - 1)
-    col, row = window.layer.pixels(lon.ravel(), lat.ravel())
-    known = np.stack([col - window.left, row - window.top])
+    col, row = layer.pixels(lon.ravel(), lat.ravel())
+    known = np.stack([col - left, row - top])
     u, v = np.meshgrid(*[np.linspace(0, 1, FIT_SIDE)] * 2)
     found = np.linalg.lstsq(terms(u.ravel(), v.ravel()).T, known.T, rcond=None)[0].T
     # A source in longitude and latitude is linear; rounding must not bend it.
@@ -160,15 +167,14 @@ def _fit(window: Window, cell: int) -> Floats:
     return np.ascontiguousarray(found)
 
 
-def _misfit_posts(window: Window, cell: int) -> float:
-    """Largest error of the fit, in posts."""
+def _misfit_posts(layer: Layer, fit: Floats, first: tuple[int, int], cell: int) -> float:
+    """Largest error of a fit, in posts."""
     side = 2 * FIT_SIDE
     lon, lat = _grid_places(cell, side)
-    col, row = window.layer.pixels(lon.ravel(), lat.ravel())
+    col, row = layer.pixels(lon.ravel(), lat.ravel())
     u, v = np.meshgrid(*[np.linspace(0, 1, side + 1)] * 2)
-    found = _fit(window, cell) @ terms(u.ravel(), v.ravel())
-    off = found - np.stack([col - window.left, row - window.top])
-    return float(np.abs(off).max())
+    found = fit @ terms(u.ravel(), v.ravel())
+    return float(np.abs(found - np.stack([col - first[0], row - first[1]])).max())
 
 
 def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
@@ -178,8 +184,7 @@ def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
     middle = tuple((a[:-1, :-1] + a[1:, 1:]) / 2 for a in (lon, lat))
     between = mosaic.heights(middle[0].ravel(), middle[1].ravel(), 0.0)
     missed = between.reshape(middle[0].shape) - (heights[:-1, :-1] + heights[1:, 1:]) / 2
-    edge_m = float(geodesy.cell_edge_m(cell)) / OWN_LATTICE
-    slack_m = float(np.abs(missed).max()) + bulge_m(edge_m)
+    slack_m = float(np.abs(missed).max()) + bulge_m(edge_m(cell) / OWN_LATTICE)
     grid = np.zeros((2, 6))
     grid[0, 1] = grid[1, 2] = OWN_LATTICE
     ecef = geodesy.to_ecef(lon, lat, heights)
@@ -194,12 +199,14 @@ def _placed(
     slack_m: float,
 ) -> Truth:
     lon, lat, height_m = places
-    west, south, east, north = cells.bounds_rad(cell)
+    west, south, east, north = edges_rad(cell)
     middle = (west + east) / 2
     turned = middle + (lon - middle + np.pi) % (2 * np.pi) - np.pi
     uv = np.stack([(turned - west) / (east - west), (lat - south) / (north - south)], -1)
     centre = ecef[ecef.shape[0] // 2, ecef.shape[1] // 2].copy()
-    inside = height_m[((uv >= -1e-9) & (uv <= 1 + 1e-9)).all(axis=-1)]
+    # On the cell's edges the surface is between posts inside and outside.
+    pad = 1e-9 + np.maximum(*(np.abs(np.diff(uv, axis=k)).max(axis=(0, 1)) for k in (0, 1)))
+    inside = height_m[((uv >= -pad) & (uv <= 1 + pad)).all(axis=-1)]
     low_m, high_m = (inside.min(), inside.max()) if inside.size else (np.inf, -np.inf)
     points = np.ascontiguousarray(ecef - centre, np.float32)
     return Truth(cell, Ecef(centre), points, uv, grid, slack_m, float(low_m), float(high_m))

@@ -16,10 +16,12 @@ from rasterio.enums import ColorInterp
 
 from ingest.drape import CLEAR, SHARE, drape, parts_under
 from ingest.layer import Layer
+from ingest.relief import lattice_slopes, steeper_of
 from ingest.surface_texture import TINT_M, colours, texel_m_of
 from ingest.terrain import RasterOptions, editing, plan
 from ingest.terrain import copy as copy_source
-from tests.ingest.rasters import north_up, write
+from ingest.terrain_mesh import lattice_places
+from tests.ingest.rasters import Floats, north_up, write
 from tiles import cells, geodesy
 from tiles.errors import InputError
 from tiles.terrain import TEXTURE_SIDE
@@ -66,6 +68,15 @@ def opened(tmp_path: Path) -> Iterator[Opener]:
     yield opener
     for connection in connections:
         connection.close()
+
+
+def paint(cell: int, height_m: Floats, elevation_m: Floats, pictures: list[Layer]) -> Any:
+    """Paint a cell from a lattice of heights with one more post all round."""
+    lon, lat = lattice_places(cell, len(height_m) - 3, margin=1)
+    slopes = np.empty((len(height_m) - 2, len(height_m) - 2, 3))
+    slopes[..., :2] = lattice_slopes(lon, lat, height_m)
+    slopes[..., 2] = steeper_of(np.asarray(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE)
+    return colours(cell, slopes, np.asarray(elevation_m)[1:-1, 1:-1], pictures)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +165,7 @@ def test_a_transparent_place_without_another_picture_shows_the_tint(
     west, south, _, north = np.degrees(cells.bounds_rad(cell))
     layer = holed("alpha", opened, north_up(west, north, (north - south) / 60))
     flat = np.full((67, 67), 400.0)
-    painted, bare = colours(cell, flat, flat, [layer]), colours(cell, flat, flat, [])
+    painted, bare = paint(cell, flat, flat, [layer]), paint(cell, flat, flat, [])
     np.testing.assert_allclose(painted[128, 128], bare[128, 128], atol=0.01)
     np.testing.assert_allclose(painted[10, 10], RED, atol=0.01)
 
@@ -217,7 +228,7 @@ def test_slopes_towards_the_light_are_brighter_and_flat_ground_is_as_it_is(
     step_m = float(geodesy.cell_edge_m(cell)) / 64
     row, col = np.mgrid[:67, :67] * step_m
     shown = {
-        name: float(colours(cell, height, height, [layer]).mean())
+        name: float(paint(cell, height, height, [layer]).mean())
         for name, height in (
             ("flat", 0 * row + 500.0),
             ("north-west", 0.4 * (col - row)),  # falls to the north-west
@@ -236,14 +247,14 @@ def test_the_tint_has_no_steps_above_the_shore() -> None:
         rise = np.linspace(float(low), float(high), 67)
         lattice = np.broadcast_to(rise, (67, 67))
         flat = np.zeros((67, 67))
-        found = colours(cell, flat, lattice, [])
+        found = paint(cell, flat, lattice, [])
         assert np.abs(np.diff(found[128], axis=0)).max() < 2
 
 
 def test_high_and_polar_ground_is_white_and_the_sea_never() -> None:
     def mean_rgb(lat_deg: float, height_m: float) -> NDArray[np.float64]:
         flat = np.full((67, 67), height_m)
-        found = colours(cell_of(7, LON_DEG, lat_deg), flat, flat, [])
+        found = paint(cell_of(7, LON_DEG, lat_deg), flat, flat, [])
         return found.mean(axis=(0, 1), dtype=np.float64)
 
     for lat_deg, height_m in ((-75, 20), (-80, 2500), (75, 2000), (45, 4000), (0, 5800)):

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ingest.boxes import window_in
+from ingest.fitting import fitted, on_rim
 from ingest.mosaic import Mosaic
 from ingest.terrain_mesh import Surface
 from ingest.terrain_tile import (
     LARGEST_BOUND_M,
-    fitted,
     inner_bound_m,
     joined,
     lattice_of,
-    on_rim,
-    window_in,
 )
 from ingest.triangulation import Triangulation
 from ingest.truth import Truth, places_of, truth_of

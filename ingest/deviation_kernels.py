@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Visit the places where a drawn surface and a true one differ most, triangle by triangle.
+
+The helpers are inlined and take arrays, not the tuples that hold them: each time an array
+is taken out of a tuple its references are counted, which took longer than the sums.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ingest.distance import (
+    Found,
+    Mesh,
+    Point,
+    Posts,
+    squared_gap,
+    to_mesh,
+    to_true_plane,
+    upright_gap,
+)
+from ingest.truth import column_row, point_at
+from tiles.frames import Floats
+from tiles.kernels import inlined, kernel
+
+Box = tuple[float, float, float, float]
+Flags = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Window = tuple[float, float, float]
+OVER = -1e-9
+"""Least weight of a corner at a place over a triangle"""
+
+
+@kernel
+def framed(
+    points: Floats, uv: Floats, offset: Floats, window: Window, grid: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Return a surface's vertices as seen from a leaf: see `Mesh`."""
+    there, at, xy = np.empty_like(points), np.empty_like(uv), np.empty_like(uv)
+    for i in range(len(uv)):
+        for k in range(3):
+            there[i, k] = points[i, k] + offset[k]
+        at[i, 0], at[i, 1] = (
+            (uv[i, 0] - window[0]) / window[2],
+            (uv[i, 1] - window[1]) / window[2],
+        )
+        xy[i, 0], xy[i, 1] = column_row(grid, at[i, 0], at[i, 1])
+    return there, at, xy
+
+
+@kernel
+def only_in(todo: Flags, uv: Floats, triangles: Ints, window: Window) -> bool:
+    """Leave out triangles that do not reach into a window; says whether one is left."""
+    u, v, size = window
+    left = False
+    for t in range(len(triangles)):
+        if todo[t]:
+            a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            todo[t] = (
+                min(uv[a, 0], uv[b, 0], uv[c, 0]) <= u + size
+                and max(uv[a, 0], uv[b, 0], uv[c, 0]) >= u
+                and min(uv[a, 1], uv[b, 1], uv[c, 1]) <= v + size
+                and max(uv[a, 1], uv[b, 1], uv[c, 1]) >= v
+            )
+            left = left or todo[t]
+    return left
+
+
+@kernel
+def measure(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
+    """Visit those triangles that are to do: they meet the leaf."""
+    _over_posts(mesh, posts, todo, found)
+    _along_edges(mesh, posts, todo, found)
+
+
+@kernel
+def _over_posts(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
+    """Compare with the posts over each triangle."""
+    at, points, triangles, xy = mesh.at, mesh.points, mesh.triangles, mesh.xy
+    across = mesh.across
+    places, heights, grid, bend = posts.uv, posts.points, posts.grid, posts.bend
+    squared, where, middle = found.squared, found.uv, mesh.middle
+    last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
+    for t in range(len(triangles)):
+        if not todo[t]:
+            continue
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ax, ay, bx, by = at[a, 0], at[a, 1], at[b, 0], at[b, 1]
+        cx, cy = at[c, 0], at[c, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area <= 0.0:
+            continue
+        left, top, right, bottom = _window(at, xy, grid, (a, b, c))
+        left = max(0, int(np.ceil(left - bend)))
+        right = min(last_col, int(np.floor(right + bend)))
+        part, most = 1.0 / area, squared[t]
+        first, last = max(0, int(np.ceil(top - bend))), int(np.floor(bottom + bend))
+        for r in range(first, min(last_row, last) + 1):
+            for col in range(left, right + 1):
+                u, v = places[r, col, 0], places[r, col, 1]
+                w0 = ((bx - u) * (cy - v) - (by - v) * (cx - u)) * part
+                w1 = ((cx - u) * (ay - v) - (cy - v) * (ax - u)) * part
+                w2 = 1.0 - w0 - w1
+                if min(w0, w1, w2) < OVER or min(u, v) < OVER or max(u, v) > 1.0 - OVER:
+                    continue
+                flat = (
+                    w0 * points[a, 0] + w1 * points[b, 0] + w2 * points[c, 0],
+                    w0 * points[a, 1] + w1 * points[b, 1] + w2 * points[c, 1],
+                    w0 * points[a, 2] + w1 * points[b, 2] + w2 * points[c, 2],
+                )
+                true = (
+                    float(heights[r, col, 0]),
+                    float(heights[r, col, 1]),
+                    float(heights[r, col, 2]),
+                )
+                if squared_gap(flat, true) > most:
+                    gap = upright_gap(middle, flat, true)
+                    if gap < 0.0:
+                        gap = to_mesh(points, triangles, across, t, true)
+                    if gap > most:
+                        most, squared[t] = gap, gap
+                        where[t, 0], where[t, 1] = u, v
+
+
+@inlined
+def _window(at: Floats, xy: Floats, grid: Floats, corners: tuple[int, int, int]) -> Box:
+    """Return least and largest columns and rows over a triangle's part in the leaf."""
+    a, b, c = corners
+    low_u, high_u = min(at[a, 0], at[b, 0], at[c, 0]), max(at[a, 0], at[b, 0], at[c, 0])
+    low_v, high_v = min(at[a, 1], at[b, 1], at[c, 1]), max(at[a, 1], at[b, 1], at[c, 1])
+    left, right = min(xy[a, 0], xy[b, 0], xy[c, 0]), max(xy[a, 0], xy[b, 0], xy[c, 0])
+    top, bottom = min(xy[a, 1], xy[b, 1], xy[c, 1]), max(xy[a, 1], xy[b, 1], xy[c, 1])
+    if min(low_u, low_v) <= 0.0 or max(high_u, high_v) >= 1.0:
+        # Beyond the leaf its columns and rows are not to be trusted.
+        west, south, east, north = (
+            max(low_u, 0.0),
+            max(low_v, 0.0),
+            min(high_u, 1.0),
+            min(high_v, 1.0),
+        )
+        x0, y0 = column_row(grid, west, south)
+        x1, y1 = column_row(grid, east, south)
+        x2, y2 = column_row(grid, west, north)
+        x3, y3 = column_row(grid, east, north)
+        left, right = min(x0, x1, x2, x3), max(x0, x1, x2, x3)
+        top, bottom = min(y0, y1, y2, y3), max(y0, y1, y2, y3)
+    return left, top, right, bottom
+
+
+@kernel
+def _edges(mesh: Mesh, grid: Floats, todo: Flags) -> tuple[Ints, Floats]:
+    """List the edges to visit.
+
+    Returns
+    -------
+    halves : (n,) half-edges, 3 t + k
+    parts : (n, 6) the part of each in the leaf: its ends as fractions of the edge, column
+        and row of the first, and of the other
+    """
+    at, xy, triangles, rim = mesh.at, mesh.xy, mesh.triangles, mesh.rim
+    halves, parts = np.empty(triangles.size, np.int64), np.empty((triangles.size, 6))
+    count = 0
+    for half in range(triangles.size):
+        t, k = half // 3, half % 3
+        p, q = triangles[t, k], triangles[t, (k + 1) % 3]
+        # Of two half-edges one is enough; those on the rim have no other.
+        if not todo[t] or (p > q and not (rim[p] and rim[q])):
+            continue
+        u, v, du, dv = at[p, 0], at[p, 1], at[q, 0] - at[p, 0], at[q, 1] - at[p, 1]
+        low, high = _inside(u, v, at[q, 0], at[q, 1])
+        if low > high:
+            continue
+        x0, y0, x1, y1 = xy[p, 0], xy[p, 1], xy[q, 0], xy[q, 1]
+        if low > 0.0 or high < 1.0:
+            x0, y0 = column_row(grid, u + low * du, v + low * dv)
+            x1, y1 = column_row(grid, u + high * du, v + high * dv)
+        halves[count] = half
+        parts[count, 0], parts[count, 1], parts[count, 2] = low, high, x0
+        parts[count, 3], parts[count, 4], parts[count, 5] = y0, x1, y1
+        count += 1
+    return halves[:count], parts[:count]
+
+
+@kernel
+def _along_edges(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
+    """Compare where edges cross columns, rows and diagonals; on the rim, their ends too."""
+    at, points, triangles, across = mesh.at, mesh.points, mesh.triangles, mesh.across
+    heights, grid, middle = posts.points, posts.grid, mesh.middle
+    squared, where = found.squared, found.uv
+    halves, parts = _edges(mesh, grid, todo)
+    rim, straight = mesh.rim, (grid[:, 3:] == 0.0).all()
+    for i in range(len(halves)):
+        t, k = halves[i] // 3, halves[i] % 3
+        p, q = triangles[t, k], triangles[t, (k + 1) % 3]
+        on_rim = rim[p] and rim[q]
+        low, long = parts[i, 0], parts[i, 1] - parts[i, 0]
+        for family in range(3 + int(on_rim)):
+            start, end = _crossed(family, parts, i)
+            if abs(end - start) < 1e-9:
+                continue
+            first, last = int(np.ceil(min(start, end))), int(np.floor(max(start, end)))
+            for n in range(first, last + 1):
+                g = (n - start) / (end - start)
+                f = low + g * long
+                u, v = (
+                    at[p, 0] + f * (at[q, 0] - at[p, 0]),
+                    at[p, 1] + f * (at[q, 1] - at[p, 1]),
+                )
+                x = parts[i, 2] + g * (parts[i, 4] - parts[i, 2])
+                y = parts[i, 3] + g * (parts[i, 5] - parts[i, 3])
+                if not straight:
+                    x, y = column_row(grid, u, v)
+                true, flat = point_at(heights, x, y), _between(points, p, q, f)
+                gap = squared_gap(flat, true)
+                if gap > squared[t] and not on_rim:
+                    upright = upright_gap(middle, flat, true)
+                    if upright < 0.0:
+                        upright = to_mesh(points, triangles, across, t, true)
+                        upright = max(upright, to_true_plane(heights, x, y, flat, true))
+                    gap = min(gap, upright)
+                if gap > squared[t]:
+                    squared[t], where[t, 0], where[t, 1] = gap, u, v
+
+
+@inlined
+def _between(points: Floats, p: int, q: int, f: float) -> Point:
+    """Return the place on an edge."""
+    return (
+        points[p, 0] + f * (points[q, 0] - points[p, 0]),
+        points[p, 1] + f * (points[q, 1] - points[p, 1]),
+        points[p, 2] + f * (points[q, 2] - points[p, 2]),
+    )
+
+
+@inlined
+def _crossed(family: int, parts: Floats, i: int) -> tuple[float, float]:
+    """Return what an edge's ends are in columns, rows or diagonals; or 0 and 1."""
+    start, end = 0.0, 1.0
+    if family == 0:
+        start, end = parts[i, 2], parts[i, 4]
+    elif family == 1:
+        start, end = parts[i, 3], parts[i, 5]
+    elif family == 2:
+        start, end = parts[i, 2] - parts[i, 3], parts[i, 4] - parts[i, 5]
+    return start, end
+
+
+@inlined
+def _inside(u0: float, v0: float, u1: float, v1: float) -> tuple[float, float]:
+    """Return the part of an edge inside the leaf, fractions from start to end."""
+    low, high = 0.0, 1.0
+    if min(u0, v0, u1, v1) < 0.0 or max(u0, v0, u1, v1) > 1.0:
+        for start, step in ((u0, u1 - u0), (v0, v1 - v0)):
+            if step == 0.0:
+                if start < 0.0 or start > 1.0:
+                    high = -1.0
+                continue
+            one, other = -start / step, (1.0 - start) / step
+            low, high = max(low, min(one, other)), min(high, max(one, other))
+    return low, high
