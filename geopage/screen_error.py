@@ -105,12 +105,57 @@ def px_per_m(lens: Lens, x: float, y: float, z: float, radius_m: float) -> float
     cosine = min(1.0, max(along / max(away, NEAR_M), lens.corner_cos))
     depth = max(along - radius_m, near * lens.corner_cos)
     scale = lens.focal_px / min(near * cosine * cosine, depth)
+    return float(scale * weight_of(lens, x, y, z, radius_m))
+
+
+@kernel
+def error_px_per_m(
+    lens: Lens, centre: NDArray[np.float64], radius_m: float, half_m: NDArray[np.float32]
+) -> float:
+    """Return the most pixels that a metre of error takes in a cell of terrain.
+
+    That is focal / view depth (design: an error is a distance x focal / view depth), for
+    the least depth that a point of the picture can have in the cell's box: a sphere
+    around a wide flat cell reaches far above the ground, to where the eye is.
+
+    Parameters
+    ----------
+    centre, radius_m : of the bounding sphere
+    half_m : (3,) half the sides of the box: east, north, up at the centre
+    """
+    cx, cy, cz = centre[0], centre[1], centre[2]
+    x, y, z = cx - lens.eye[0], cy - lens.eye[1], cz - lens.eye[2]
+    fx, fy, fz = lens.forward[0], lens.forward[1], lens.forward[2]
+    level = max(math.sqrt(cx * cx + cy * cy), NEAR_M)
+    height = max(math.sqrt(cx * cx + cy * cy + cz * cz), NEAR_M)
+    ux, uy, uz = cx / height, cy / height, cz / height
+    ex, ey = -cy / level, cx / level
+    nx, ny, nz = -uz * ey, uz * ex, ux * ey - uy * ex
+    away = math.sqrt(x * x + y * y + z * z)
+    along = x * fx + y * fy + z * fz
+    reach = (
+        abs(fx * ex + fy * ey) * half_m[0] + abs(fx * ux + fy * uy + fz * uz) * half_m[2]
+    )
+    reach += abs(fx * nx + fy * ny + fz * nz) * half_m[1]
+    east = max(abs(x * ex + y * ey) - half_m[0], 0.0)
+    north = max(abs(x * nx + y * ny + z * nz) - half_m[1], 0.0)
+    up = max(abs(x * ux + y * uy + z * uz) - half_m[2], 0.0)
+    near = math.sqrt(east * east + north * north + up * up)
+    near = max(near, away - radius_m, NEAR_M)
+    depth = max(along - min(reach, radius_m), near * lens.corner_cos)
+    return float(lens.focal_px / depth * weight_of(lens, x, y, z, radius_m))
+
+
+@kernel
+def weight_of(lens: Lens, x: float, y: float, z: float, radius_m: float) -> float:
+    """Return how much detail in a sphere counts; x, y, z are relative to the eye."""
     if is_hidden(lens, x, y, z, radius_m):
-        return float(scale * HIDDEN)
-    aside = math.sqrt(max(away * away - along * along, 0.0))
+        return HIDDEN
+    along = x * lens.forward[0] + y * lens.forward[1] + z * lens.forward[2]
+    aside = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0))
     if aside * lens.cone_cos - along * lens.cone_sin > radius_m:
-        return float(scale * OUTSIDE)
-    return float(scale)
+        return OUTSIDE
+    return 1.0
 
 
 @kernel
@@ -191,10 +236,39 @@ def px_per_m_of(
     cosine = np.clip(along / np.maximum(away, NEAR_M), lens.corner_cos, 1.0)
     depth = np.maximum(along - radius_m, near * lens.corner_cos)
     scale = lens.focal_px / np.minimum(near * cosine**2, depth)
-    aside = np.sqrt(np.maximum(away**2 - along**2, 0.0))
+    return np.asarray(scale * _weights(lens, offset, radius_m))
+
+
+def error_px_per_m_of(
+    lens: Lens,
+    centre: NDArray[np.float64],
+    radius_m: NDArray[np.float64],
+    half_m: NDArray[np.float32],
+) -> NDArray[np.float64]:
+    """Do the same as `error_px_per_m` for n cells, in numpy: the kernels' oracle."""
+    offset = centre - lens.eye
+    up = centre / np.linalg.norm(centre, axis=1, keepdims=True)
+    east = np.cross((0.0, 0.0, 1.0), centre)
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    axes = np.stack((east, np.cross(up, east), up), axis=1)
+    beside = np.maximum(np.abs(np.einsum("nij,nj->ni", axes, offset)) - half_m, 0.0)
+    near = np.linalg.norm(beside, axis=1)
+    near = np.maximum(near, np.linalg.norm(offset, axis=1) - radius_m)
+    reach = (np.abs(axes @ lens.forward) * half_m).sum(axis=1)
+    depth = offset @ lens.forward - np.minimum(reach, radius_m)
+    depth = np.maximum(depth, np.maximum(near, NEAR_M) * lens.corner_cos)
+    return np.asarray(lens.focal_px / depth * _weights(lens, offset, radius_m))
+
+
+def _weights(
+    lens: Lens, offset: NDArray[np.float64], radius_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    along = offset @ lens.forward
+    aside = np.sqrt(np.maximum((offset**2).sum(axis=1) - along**2, 0.0))
     outside = aside * lens.cone_cos - along * lens.cone_sin > radius_m
-    weight = np.where(outside, OUTSIDE, 1.0)
-    return np.asarray(scale * np.where(_hidden(lens, offset, radius_m), HIDDEN, weight))
+    return np.where(
+        _hidden(lens, offset, radius_m), HIDDEN, np.where(outside, OUTSIDE, 1.0)
+    )
 
 
 def _hidden(

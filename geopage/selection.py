@@ -168,7 +168,8 @@ def ideal(
 def warm_up() -> None:
     """Compile every kernel, or load it from the cache, so that no frame has to."""
     record = np.zeros(1, INDEX)
-    record["cell"], record["radius_m"] = cells.make(0, 0, 0, 0), 1.0
+    record["cell"], record["centre"] = cells.make(0, 0, 0, 0), (6.4e6, 0.0, 0.0)
+    record["radius_m"] = 1.0
     forest = build_forest(record)
     view = ViewState(0.0, Ecef(np.array((1e7, 0.0, 0.0))), np.eye(3), 500.0, 640, 480)
     trees = trees_of(dict.fromkeys(Lane, forest))

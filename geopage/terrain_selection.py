@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.screen_error import Lens, blur_px, px_per_m
+from geopage.screen_error import Lens, blur_px, error_px_per_m
 from geopage.tree import F4, F8, U1, Tree
 from tiles.forest import Rows
 from tiles.kernels import kernel
@@ -36,7 +36,7 @@ class Plan(NamedTuple):
 
     rows: Rows
     scale: F8
-    """pixels per metre in the cell's sphere"""
+    """pixels per metre of error in the cell"""
     kind: U1
     """HELD, TARGET or REFINED"""
     below: Rows
@@ -105,7 +105,7 @@ def refine(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Plan
     while i < count:
         row = rows[i]
         c = tree.centre[row]
-        scale[i] = px_per_m(lens, c[0], c[1], c[2], tree.radius_m[row])
+        scale[i] = error_px_per_m(lens, c, tree.radius_m[row], tree.half_m[row])
         limit = tau
         if lens.sweep.shutter_s > 0.0:
             limit = max(tau, blur_px(lens, c[0], c[1], c[2], tree.radius_m[row]))

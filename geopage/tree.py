@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles import cells
+from tiles import bounds, cells
 from tiles.forest import Forest, Rows
+from tiles.frames import Ecef
 from tiles.lanes import Lane
 
 F4 = NDArray[np.float32]
@@ -29,6 +30,9 @@ class Tree(NamedTuple):
     centre: F8
     """(n, 3) bounding sphere's centre, ECEF m"""
     radius_m: F8
+    half_m: F4
+    """(n, 3) half the sides of the box around a cell of terrain: east, north, up; the
+    sphere's radius for objects, which may reach out of their cell"""
     error_m: F4
     """what the threshold is held against: terrain mesh or texel, worst proxy of objects"""
     mesh_error_m: F4
@@ -61,6 +65,7 @@ def tree_of(forest: Forest, lane: Lane) -> Tree:
         np.ascontiguousarray(forest.links),
         np.ascontiguousarray(forest.centre),
         np.ascontiguousarray(forest.radius_m),
+        half_sides_m(forest, lane),
         selected_m.astype(np.float32),
         error_m,
         records["own_dimension_m"].astype(np.float32),
@@ -71,6 +76,16 @@ def tree_of(forest: Forest, lane: Lane) -> Tree:
         has_tile,
         records["proxies"] * has_tile,
     )
+
+
+def half_sides_m(forest: Forest, lane: Lane) -> F4:
+    """Return `Tree.half_m` of a forest."""
+    if lane is Lane.OBJECTS:
+        return np.repeat(forest.radius_m[:, None], 3, axis=1).astype(np.float32)
+    own = forest.records
+    heights = own["min_height_m"].astype(np.float64), own["max_height_m"].astype(np.float64)
+    half_m = bounds.half_sides_of(own["cell"], *heights, Ecef(forest.centre))
+    return np.nextafter(half_m.astype(np.float32), np.float32(np.inf))
 
 
 def tree_bytes(tree: Tree, forest: Forest) -> int:

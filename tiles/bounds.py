@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bounding spheres of cells: everything between two heights over a cell is inside.
+"""Bounding spheres and boxes of cells: all between two heights over a cell is inside.
 
 Why eight corners are enough. The centre C lies in the meridian half-plane through the
 middle of the cell, at cx >= 0 from the axis. Take any point of the cell's box.
@@ -24,7 +24,7 @@ covered by adding a micrometre and 1e-12 of the radius.
 import numpy as np
 
 from tiles import cells, geodesy
-from tiles.frames import Ecef, Floats
+from tiles.frames import WGS84_A_M, Ecef, Floats
 from tiles.zones import FloatLike, IntLike
 
 _MARGIN_M = 1e-6
@@ -63,6 +63,50 @@ def sphere_of(
     distances = [np.linalg.norm(corner - centre, axis=-1) for corner in corners]
     radius = np.max(np.stack(distances), axis=0)
     return _turned(centre, (west + east) / 2), radius * _MARGIN + _MARGIN_M
+
+
+def half_sides_of(
+    cell: IntLike, min_height_m: FloatLike, max_height_m: FloatLike, centre: Ecef
+) -> Floats:
+    """Return half the sides of boxes around all points of cells between two heights.
+
+    A box is around `centre`; its up is away from the middle of the earth, its north is
+    upright to that in the plane of the axis, its east is level. The sides are those of
+    3 x 3 places at both heights; between these a coordinate, whose second derivative by
+    an angle is at most the distance from the middle of the earth, rises by no more than
+    that times the squares of the steps over 8.
+
+    Parameters
+    ----------
+    cell
+        (n,) cell ids.
+    min_height_m, max_height_m
+        (n,) heights above the ellipsoid, metres, from -1e6 up, min <= max.
+    centre
+        (n, 3) ECEF metres
+
+    Returns
+    -------
+    (n, 3) float64 metres: east, north, up
+    """
+    west, south, east, north = cells.bounds_rad(cell)
+    low, high = np.asarray(min_height_m, np.float64), np.asarray(max_height_m, np.float64)
+    up = centre / np.linalg.norm(centre, axis=-1, keepdims=True)
+    level = np.hypot(up[..., 0], up[..., 1])
+    level = np.maximum(level, np.finfo(np.float64).tiny)
+    right = np.stack((-up[..., 1] / level, up[..., 0] / level, 0 * level), axis=-1)
+    axes = np.stack((right, np.cross(up, right), up), axis=-2)
+    half = np.zeros((*np.shape(west), 3))
+    for share in np.ndindex(3, 3):
+        lon = west + (east - west) * share[0] / 2
+        lat = south + (north - south) * share[1] / 2
+        for height in (low, high):
+            away = geodesy.to_ecef(lon, lat, height) - centre
+            along = np.abs(np.einsum("...ij,...j->...i", axes, away))
+            half = np.maximum(half, along)
+    steps = ((east - west) / 2) ** 2 + ((north - south) / 2) ** 2
+    bulge_m = steps / 8 * (WGS84_A_M + np.maximum(high, 0.0))
+    return np.asarray((half + bulge_m[..., np.newaxis]) * 1.001 + _MARGIN_M)
 
 
 def _centre(a: Floats, b: Floats) -> Floats:

@@ -22,13 +22,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.screen_error import STILL, Lens, Sweep, blur_px, is_hidden, lens_of, px_per_m
+from geopage.screen_error import (
+    STILL,
+    Lens,
+    Sweep,
+    blur_px,
+    error_px_per_m,
+    is_hidden,
+    lens_of,
+    px_per_m,
+)
 from geopage.view import ViewState
 from tiles import geodesy
 from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
 from tiles.kernels import brief, inlined
 from tiles.terrain import TEXTURE_SIDE
-from viewer.clearance import LEAN, angles_to_box, level_m
+from viewer.clearance import LEAN
 from viewer.slots import PATCH_M
 
 COMMAND_WORDS = 5
@@ -72,21 +81,6 @@ def is_visible(centre: NDArray[np.float64], radius_m: float, eye: Eye) -> bool:
         if plane[0] * x + plane[1] * y + plane[2] * z < -radius_m:
             return False
     return not is_hidden(eye.lens, x, y, z, radius_m)
-
-
-@brief
-def distance_to_box(box_rad: NDArray[np.float64], max_height_m: float, eye: Eye) -> float:
-    """Return a distance, m, that nothing in a cell's box is nearer than.
-
-    A sphere is a poor bound of a wide flat cell: the eye can be in it and yet be far
-    above the ground, or beside the cell. Used for cells up to 45 degrees away.
-    """
-    aside, beyond = angles_to_box(box_rad, eye.place)
-    if aside + beyond > math.pi / 4:
-        return 1e-3
-    level = level_m(box_rad, eye.place, aside, beyond)
-    over_m = max(eye.place[2] - max_height_m, 0.0)
-    return max(level, over_m, 1e-3)
 
 
 @inlined
@@ -156,6 +150,8 @@ class Lists(NamedTuple):
     slots: NDArray[np.void]
     centre: NDArray[np.float64]
     radius_m: NDArray[np.float64]
+    half_m: NDArray[np.float32]
+    """(n, 3) `Tree.half_m`"""
     records: NDArray[np.void]
 
 
@@ -179,10 +175,8 @@ def cull_terrain(
         if slot["uploaded"] == 0 or not is_visible(centre, radius, eye):
             continue
         record = lists.records[row]
-        scale = px_per_m(eye.lens, centre[0], centre[1], centre[2], radius)
-        away_m = distance_to_box(slot["box_rad"], record["max_height_m"], eye)
-        bound = eye.lens.focal_px / away_m / eye.lens.corner_cos**2
-        error_px = min(scale, bound) * max(record["error_m"], record["texel_m"])
+        scale = error_px_per_m(eye.lens, centre, lists.radius_m[row], lists.half_m[row])
+        error_px = scale * max(record["error_m"], record["texel_m"])
         _fill(room.instances[n], slot, eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]
         room.instances[n, 14] = LEAN
@@ -193,7 +187,7 @@ def cull_terrain(
         _command(room.unsorted[n], slot, 0, slot["index_count"])
         room.keys[n] = -scale
         texel_m = slot["noise"][2] * PATCH_M / TEXTURE_SIDE
-        if texel_m * min(scale, bound) > GRAIN_TEXEL_PX:
+        if texel_m * scale > GRAIN_TEXEL_PX:
             room.keys[n] -= NEAREST_FIRST
             grained += 1
         n += 1

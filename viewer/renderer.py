@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geopage.draw_list import DrawList
+from geopage.tree import half_sides_m
 from geopage.view import ViewState
 from tiles.forest import Forest
 from tiles.frames import Ecef, Floats
@@ -52,6 +53,7 @@ class Renderer:
         self._owns_context = context is None
         self.gl = Gl(context or gl.open_headless())
         self.forests = forests
+        self._half_m = {lane: half_sides_m(forests[lane], lane) for lane in forests}
         self.size_px, self._supersample = size_px, supersample
         self.look = Look()
         self.arena = Arena(self.gl, forests, arena or ArenaSize())
@@ -202,7 +204,8 @@ class Renderer:
     def _lists(self, lane: Lane, rows: NDArray[np.int32]) -> cull.Lists:
         forest = self.forests[lane]
         slots = self.arena.slots[lane]
-        return cull.Lists(rows, slots, forest.centre, forest.radius_m, forest.records)
+        boxes = forest.centre, forest.radius_m, self._half_m[lane]
+        return cull.Lists(rows, slots, *boxes, forest.records)
 
     def read_rgb(self) -> NDArray[np.uint8]:
         """Return the last frame, (height, width, 3) uint8 sRGB, top row first."""

@@ -198,9 +198,9 @@ def test_threads_settle_at_the_ideal_and_close_in_time(store_path: Path) -> None
     pager.start()
     assert sys.getswitchinterval() < interval_s
     renderer = StubRenderer(pager)
-    pager.view(view_at(100.0))
+    pager.view(view_at(5e4))
     pager.prime(renderer.upload)
-    for view in (view_at(100.0), view_at(5e4, t_s=0.1)):
+    for view in (view_at(5e4), view_at(100.0, t_s=0.1)):
         assert_same_picture(
             run_until_settled(renderer, view), ideal(pager.forests, view, 2.0, 2.0)
         )

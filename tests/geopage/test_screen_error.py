@@ -13,13 +13,16 @@ from geopage.screen_error import (
     Lens,
     Sweep,
     blur_px,
+    error_px_per_m,
+    error_px_per_m_of,
+    is_hidden,
     lens_of,
     px_per_m,
     px_per_m_of,
 )
 from geopage.view import ViewState
 from tests.geopage.worlds import view_at
-from tiles import geodesy
+from tiles import bounds, cells, geodesy
 from tiles.frames import Ecef, Floats
 
 HEIGHTS_M = st.floats(1.0, 7.0).map(lambda x: 10.0**x)
@@ -51,6 +54,39 @@ def test_the_kernel_agrees_with_numpy(seed: int, height_m: float, pitch_deg: flo
     radius = 10 ** rng.uniform(0, 6.5, 50)
     each = [scale(lens, c, float(r)) for c, r in zip(centre, radius, strict=True)]
     np.testing.assert_allclose(px_per_m_of(lens, centre, radius), each, rtol=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), HEIGHTS_M, st.floats(-90, 30))
+def test_no_drawn_point_of_a_cell_is_nearer_than_its_error_counts(
+    seed: int, height_m: float, pitch_deg: float
+) -> None:
+    view = view_at(height_m, pitch_deg=pitch_deg)
+    lens, rng = lens_of(view), np.random.default_rng(seed)
+    lon, lat, _ = geodesy.to_geodetic(Ecef(view.eye))
+    level = rng.integers(0, 16, 20)
+    near = height_m / 6.4e6 * rng.normal(size=(2, 20))
+    cell = cells.cell_at(lon + near[0], np.clip(lat + near[1], -1.57, 1.57), level)
+    low = rng.uniform(-500, 500, 20)
+    high = low + rng.uniform(0, 1000, 20)
+    centre, radius = bounds.sphere_of(cell, low, high)
+    half = bounds.half_sides_of(cell, low, high, centre).astype(np.float32) * 1.0001
+    boxes = centre, radius, np.asarray(half, np.float32)
+    each = [error_px_per_m(lens, *one) for one in zip(*boxes, strict=True)]
+    np.testing.assert_allclose(error_px_per_m_of(lens, *boxes), each, rtol=1e-6)
+    west, south, east, north = (side[:, None] for side in cells.bounds_rad(cell))
+    u, v, w = rng.random((3, 20, 200))
+    place = west + u * (east - west), south + v * (north - south)
+    offset = geodesy.to_ecef(*place, low[:, None] + w * (high - low)[:, None]) - view.eye
+    depth = offset @ view.forward
+    drawn = depth > np.linalg.norm(offset, axis=-1) * view.corner_cos
+    most = np.where(drawn, view.focal_px / np.maximum(depth, 1e-9), 0.0).max(axis=1)
+    counted = np.array(each)
+    hidden = [
+        is_hidden(lens, *c, float(r))
+        for c, r in zip(centre - view.eye, radius, strict=True)
+    ]
+    seen = drawn.any(axis=1) & ~np.array(hidden)
+    assert (most[seen] <= counted[seen] * (1 + 1e-6)).all()
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from geopage import terrain_selection as terrain
-from geopage.screen_error import Lens, lens_of, px_per_m_of
+from geopage.screen_error import Lens, error_px_per_m_of, lens_of
 from geopage.selection import Selection, Thresholds, everything, select, trees_of
 from geopage.tree import U1, Tree
 from geopage.view import ViewState
@@ -59,7 +59,7 @@ def assert_covers_the_globe_once(drawn: Rows) -> None:
 
 
 def brute_force_targets(tree: Tree, lens: Lens, tau: float) -> set[int]:
-    scale = px_per_m_of(lens, tree.centre, tree.radius_m)
+    scale = error_px_per_m_of(lens, tree.centre, tree.radius_m, tree.half_m)
 
     def below(row: int) -> set[int]:
         if tree.error_m[row] * scale[row] <= tau or tree.children[row].min() < 0:
@@ -110,7 +110,8 @@ def test_nothing_is_drawn_twice_before_all_zones_are_there(
 def test_with_everything_uploaded_the_threshold_holds(view: ViewState) -> None:
     lens = lens_of(view)
     chosen = select(TREES, lens, everything(TREES), LIMITS)
-    error_px = LAND.error_m * px_per_m_of(lens, LAND.centre, LAND.radius_m)
+    boxes = LAND.centre, LAND.radius_m, LAND.half_m
+    error_px = LAND.error_m * error_px_per_m_of(lens, *boxes)
     leaf = LAND.children.min(axis=1) < 0
     assert (leaf[chosen.terrain] | (error_px[chosen.terrain] <= 2.0)).all()
     assert not chosen.stand_in.any()

@@ -35,6 +35,24 @@ def samples(
     return geodesy.to_ecef(lon, lat, height)
 
 
+def test_every_point_of_a_cell_is_inside_its_upright_box(rng: np.random.Generator) -> None:
+    cell, low, high = boxes(rng)
+    centre, radius = bounds.sphere_of(cell, low, high)
+    half = bounds.half_sides_of(cell, low, high, centre)
+    up = centre / np.linalg.norm(centre, axis=1, keepdims=True)
+    east = np.cross((0.0, 0.0, 1.0), up)
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    axes = np.stack((east, np.cross(up, east), up), axis=1)
+    away = samples(rng, cell, low, high) - centre[:, None]
+    side = np.abs(np.einsum("nij,npj->npi", axes, away))
+    assert (side <= half[:, None] + 1e-6).all()
+    small = cells.level(cell) > 3
+    flat = small & (high - low < radius / 10)
+    assert (side.max(axis=1) > 0.8 * half)[small, :2].mean() > 0.95
+    assert (half[flat, 2] < 0.2 * radius[flat]).all()
+    assert flat.sum() > 30
+
+
 def test_every_point_of_a_box_is_inside_its_sphere(rng: np.random.Generator) -> None:
     cell, low, high = boxes(rng)
     centre, radius = bounds.sphere_of(cell, low, high)
