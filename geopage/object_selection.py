@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geopage.screen_error import Lens, blur_px, px_per_m
-from geopage.tree import F8, U1, Tree
+from geopage.tree import F8, U1, Tree, not_among
 from tiles.forest import Rows
 from tiles.kernels import inlined, kernel
 
@@ -81,22 +81,27 @@ def select_objects(
     soon, benefit_soon, error_soon = want_objects(
         tree, lens, early, uploaded, covered, stand
     )
-    new = np.ones(len(tree.parent), np.bool_)
-    new[rows] = False
-    first = new[soon]
-    needed = np.zeros(len(tree.parent), np.bool_)
-    for one in (plan, early):
-        needed[one.rows[((one.own | one.proxies) > 0) & (one.held == 0)]] = True
+    n = len(tree.parent)
+    first = not_among(n, soon, rows)
+    needed, needed_soon = needed_rows(plan), needed_rows(early)
+    needed_first = needed_soon[not_among(n, needed_soon, needed)]
     return Objects(
         plan.rows[taken],
         own,
         proxies,
-        np.flatnonzero(needed).astype(np.int32),
+        np.concatenate((needed, needed_first)),
         np.concatenate((rows, soon[first])),
         np.concatenate((benefit, benefit_soon[first])),
         np.concatenate((error_px, error_soon[first])),
         len(rows),
     )
+
+
+@kernel
+def needed_rows(plan: ObjectPlan) -> Rows:
+    """Return the rows that a plan draws something of when all is there."""
+    rows: Rows = plan.rows[((plan.own | plan.proxies) > 0) & (plan.held == 0)]
+    return rows
 
 
 @kernel
@@ -113,11 +118,11 @@ def visit(
     object_tau : smallest bounding dimension of objects, px; likewise
     uploaded : (n,) 1 where the tile can be drawn
     """
-    n = len(tree.parent)
+    n = len(tree.parent)  # often many times more than are visited: nothing is cleared
     rows, above = np.empty(n, np.int32), np.empty(n, np.int32)
     below, scale = np.empty((n, 4), np.int32), np.empty(n, np.float64)
-    own, go_on = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
-    proxies, held = np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+    own, go_on = np.empty(n, np.uint8), np.empty(n, np.uint8)
+    proxies, held = np.empty(n, np.uint8), np.empty(n, np.uint8)
     blur = np.empty(n, np.float64)
     # Handing a whole tree to a function costs more than such a function does.
     centre, radius_m = tree.centre, tree.radius_m
@@ -130,12 +135,12 @@ def visit(
         if is_seen(
             subtree_m[root], proxy_m[root], scale[count], blur[count], tau, object_tau
         ):
-            rows[count], above[count] = root, -1
+            rows[count], above[count], held[count] = root, -1, 0
             count += 1
     i = 0
     while i < count:
         row = rows[i]
-        below[i] = -1
+        below[i], go_on[i], proxies[i] = -1, 0, 0
         least, own_px = max(tau, blur[i]), tree.own_m[row] * scale[i]
         own[i] = tree.has_tile[row] and (held[i] or own_px > max(object_tau, blur[i]))
         rough = tree.error_m[row] * scale[i] > least

@@ -115,7 +115,10 @@ def follow(
     oldest_s : no pixel shows what was selected until then
     n : rows of the forest
     """
-    wanted, kept, old = np.zeros(n, np.uint8), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
+    # Only what is read is written before: `n` may be much more than there are spans.
+    wanted, kept, old = np.empty(n, np.uint8), np.empty(n, np.uint8), np.empty(n, np.uint8)
+    for one in (before.rows, rows):
+        wanted[one], kept[one], old[one] = 0, 0, 0
     wanted[rows] = bits
     room = 2 * len(before.rows) + 2 * len(rows)
     to_rows, to_bits = np.empty(room, np.int32), np.empty(room, np.uint8)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tiles import bounds, cells
 from tiles.forest import Forest, Rows
 from tiles.frames import Ecef
+from tiles.kernels import kernel
 from tiles.lanes import Lane
 
 F4 = NDArray[np.float32]
@@ -86,6 +87,19 @@ def half_sides_m(forest: Forest, lane: Lane) -> F4:
     heights = own["min_height_m"].astype(np.float64), own["max_height_m"].astype(np.float64)
     half_m = bounds.half_sides_of(own["cell"], *heights, Ecef(forest.centre))
     return np.nextafter(half_m.astype(np.float32), np.float32(np.inf))
+
+
+@kernel
+def not_among(n: int, rows: Rows, others: Rows) -> NDArray[np.bool_]:
+    """Say which of some rows below `n` are not among others.
+
+    A store may hold a hundred times more rows than a view visits: only what is read is
+    written before.
+    """
+    among = np.empty(n, np.bool_)
+    among[rows] = False
+    among[others] = True
+    return ~among[rows]
 
 
 def tree_bytes(tree: Tree, forest: Forest) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.extrude_kernels import faces, walls_and_roofs
 from ingest.footprints import Geometries
+from ingest.outlines import outlines_of
 from ingest.repair import metres_per_degree
 from tiles import geodesy
 from tiles.frames import Ecef, Floats, Ints
@@ -61,7 +62,9 @@ class _Corners:
     """(p + 1,) where each part's rings begin in `ring_end`"""
 
 
-def extrude(polygon: Geometries, foot_m: Floats, top_m: Floats) -> Prisms:
+def extrude(
+    polygon: Geometries, foot_m: Floats, top_m: Floats, ground_m: Floats | None = None
+) -> Prisms:
     """Raise footprints to prisms.
 
     Parameters
@@ -69,6 +72,7 @@ def extrude(polygon: Geometries, foot_m: Floats, top_m: Floats) -> Prisms:
     polygon : (n,) Polygon or MultiPolygon in degrees, shells counter-clockwise
     foot_m, top_m : (n,) heights of the walls' lower edge and of the roof, above the
         ellipsoid, m
+    ground_m : (n,) where floors are counted from; by default the lower edge
     """
     if not len(polygon):
         return _no_prisms()
@@ -77,12 +81,13 @@ def extrude(polygon: Geometries, foot_m: Floats, top_m: Floats) -> Prisms:
     roof, roof_count = _roofs(corners, polygon)
     vertex_start = np.concatenate(([0], np.cumsum(CORNER_VERTICES * count)))
     triangle_start = np.concatenate(([0], np.cumsum(2 * count + roof_count)))
-    return _raised(corners, (foot_m, top_m), roof, vertex_start, triangle_start)
+    heights_m = np.column_stack((foot_m, top_m, foot_m if ground_m is None else ground_m))
+    return _raised(corners, heights_m, roof, vertex_start, triangle_start)
 
 
 def _raised(
     corners: _Corners,
-    foot_and_top_m: tuple[Floats, Floats],
+    heights_m: Floats,
     roof: Ints,
     vertex_start: Ints,
     triangle_start: Ints,
@@ -92,8 +97,7 @@ def _raised(
     marks = np.empty((total, 2), np.uint16)
     lon_rad, lat_rad = np.radians(corners.lon_deg), np.radians(corners.lat_deg)
     corner = np.column_stack((lon_rad, lat_rad, *metres_per_degree(corners.lat_deg)))
-    heights = np.column_stack(foot_and_top_m)
-    walls_and_roofs(corner, corners.ahead, corners.start, heights, place, normal, marks)
+    walls_and_roofs(corner, corners.ahead, corners.start, heights_m, place, normal, marks)
     triangles = np.empty((int(triangle_start[-1]), 3), np.int64)
     faces(corners.start, roof, vertex_start, triangle_start, triangles)
     vertices = np.zeros(total, VERTEX)
@@ -110,8 +114,7 @@ def _no_prisms() -> Prisms:
 
 
 def _corners(polygon: Geometries) -> _Corners:
-    parts, owner_of_part = shapely.get_parts(polygon, return_index=True)
-    _, xy, (ring_start, part_ring) = shapely.to_ragged_array(parts)
+    xy, ring_start, part_ring, owner_of_part = outlines_of(polygon)
     closing = np.zeros(len(xy), bool)
     closing[ring_start[1:] - 1] = True
     size = np.diff(ring_start) - 1
@@ -158,11 +161,12 @@ def _ear_clipped(corners: _Corners, xy: Floats, but: Ints) -> Ints:
     """Return roof triangles of all parts but some, (r, 3)."""
     part = np.setdiff1d(np.arange(len(corners.part_start) - 1), but)
     first, last = corners.part_start[part], corners.part_start[part + 1]
-    ring = np.column_stack((corners.part_ring[part], corners.part_ring[part + 1]))
-    found = []
-    for a, b, (c, d) in zip(first.tolist(), last.tolist(), ring.tolist(), strict=True):
-        ends = (corners.ring_end[c:d] - a).astype(np.uint32)
-        found.append(mapbox_earcut.triangulate_float64(xy[a:b], ends))
+    ring = corners.part_ring
+    begin = np.repeat(corners.part_start[:-1], np.diff(ring))
+    ends = (corners.ring_end - begin).astype(np.uint32)
+    spans = np.column_stack((first, last, ring[part], ring[part + 1])).tolist()
+    clip = mapbox_earcut.triangulate_float64
+    found = [clip(xy[a:b], ends[c:d]) for a, b, c, d in spans]
     count = [len(one) for one in found]
     shift = np.repeat(first, count)
     joined = np.concatenate([np.zeros(0, np.uint32), *found]).astype(np.int64)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What becomes of the features of a part of a file: rows to store, or a reason."""
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,13 @@ from numpy.typing import NDArray
 from ingest.footprints import Footprints, Geometries
 from ingest.heights import HeightRules, Heights, heights_of
 from ingest.object_table import NewObjects, attributes_json
+from ingest.outlines import outlines_of
 from ingest.repair import repair
 from ingest.shapes import centres_deg, dimensions_m, turned_home
+from ingest.solids import widths_m
 from tiles.frames import Floats, Ints
 
-DIGEST_BYTES = 16
+_STEP = np.uint64(0x9E3779B97F4A7C15)
 DEFAULT, FROM_GEOMETRY = 1 << 2, 1 << 7
 """Bits of `Features.how`: the former is one of `heights.HOW`, the latter no bit of it."""
 
@@ -78,7 +79,8 @@ def features_of(job: tuple[Footprints, HeightRules]) -> Features:
     columns = {name: values[kept] for name, values in part.columns.items()}
     found = heights_of(part.path, columns, len(kept), rules)
     solid = part.solid[kept] if part.solid is not None else np.full(len(kept), None, object)
-    top_m, how_kept = _of_geometry(part, kept, found, solid)
+    is_named = rules.height is not None or rules.levels is not None
+    top_m, how_kept = _of_geometry(part, kept, found, solid, is_named=is_named)
     how = np.zeros(len(repaired.reason), np.uint8)
     how[kept] = how_kept
     polygon = turned_home(repaired.polygon[kept])
@@ -102,15 +104,20 @@ def features_of(job: tuple[Footprints, HeightRules]) -> Features:
 
 
 def _of_geometry(
-    part: Footprints, kept: Ints, found: Heights, solid: NDArray[np.object_]
+    part: Footprints,
+    kept: Ints,
+    found: Heights,
+    solid: NDArray[np.object_],
+    *,
+    is_named: bool,
 ) -> tuple[Floats, NDArray[np.uint8]]:
-    """Let the geometry's height stand where no attribute says one, and for solids."""
+    """Let a city model's own height stand, but for prisms with a field that is named."""
     if part.height_m is None:
         return found.top_m, found.how
     height_m = part.height_m[kept]
     known = np.isfinite(height_m) & (height_m > 0)
     has_solid = np.array([one is not None for one in solid], bool)
-    taken = known & (has_solid | ((found.how & DEFAULT) > 0))
+    taken = known & (has_solid | (not is_named) | ((found.how & DEFAULT) > 0))
     how = np.where(taken, FROM_GEOMETRY | found.how & 0b111000, found.how)
     return np.where(taken, found.foot_m + height_m, found.top_m), how.astype(np.uint8)
 
@@ -120,26 +127,44 @@ def _rows(
     raised_m: Floats,
     top_m: Floats,
     solid: NDArray[np.object_],
-    attributes: list[bytes],
+    attributes: list[str],
 ) -> NewObjects:
     height_m = top_m - raised_m
+    dimension_m = dimensions_m(polygon, height_m)
+    own = np.flatnonzero([one is not None for one in solid])
+    # Roofs overhang footprints.
+    dimension_m[own] = np.maximum(dimension_m[own], widths_m(solid[own].tolist()))
     return NewObjects(
         shapely.to_wkb(polygon).tolist(),
         *centres_deg(polygon),
         raised_m,
         height_m,
-        dimensions_m(polygon, height_m),
+        dimension_m,
         solid.tolist(),
         attributes,
     )
 
 
 def _digests(polygon: Geometries, raised_m: Floats) -> NDArray[np.uint64]:
-    """Return two numbers for each footprint, wherever its rings begin."""
-    shape = shapely.to_wkb(shapely.normalize(polygon)).tolist()
-    low = [one.tobytes() for one in raised_m.astype("<f8")]
-    joined = b"".join(
-        hashlib.blake2b(a + b, digest_size=DIGEST_BYTES).digest()
-        for a, b in zip(shape, low, strict=True)
-    )
-    return np.frombuffer(joined, np.uint64).reshape(-1, 2)
+    """Return two numbers for each footprint: sums over its edges, wherever rings begin."""
+    if not len(polygon):
+        return np.zeros((0, 2), np.uint64)
+    xy, ring_start, part_ring, owner = outlines_of(polygon)
+    word = (xy + 0.0).view(np.uint64)  # + 0.0: there is no -0.0 any more
+    edge = np.column_stack((word[:-1], word[1:]))
+    mixed = _mixed(edge[:, 0])
+    for k in (1, 2, 3):
+        mixed = _mixed(mixed ^ edge[:, k])
+    both = np.column_stack((mixed, _mixed(mixed)))
+    both[ring_start[1:-1] - 1] = 0  # from a ring's end to the next ring is no edge
+    first = ring_start[part_ring[np.searchsorted(owner, np.arange(len(polygon)))]]
+    raised = _mixed((raised_m + 0.0).view(np.uint64))
+    return np.asarray(np.add.reduceat(both, first) ^ raised[:, None])
+
+
+def _mixed(word: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return numbers in which every bit depends on every bit: those of splitmix64."""
+    word = word + _STEP
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))

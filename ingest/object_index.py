@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Index records of the objects lane: what a cell and all below it draw, bounded."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from ingest.object_tree import Tree
 from tiles import cells
 from tiles.frames import Ecef, Floats, Ints
 from tiles.index_tree import INDEX
+from tiles.kernels import kernel
 
 # 16-bit steps move a vertex by at most 2.7e-5 of a tile's reach, float32 rounds a radius.
 _MARGIN = 1.0 + 1e-4
@@ -49,19 +51,27 @@ def drawn_of(prisms: Prisms, ecef: Ecef, start: Ints, cell: Ints) -> Drawn:
     start : (n + 1,) where each thing's vertices begin
     cell : (n,) the cell that draws it
     """
-    if not len(cell):
-        none = np.zeros(0)
-        return Drawn(cell, Ecef(np.zeros((0, 3))), none, none, none)
-    first = start[:-1]
-    centre = (np.minimum.reduceat(ecef, first) + np.maximum.reduceat(ecef, first)) / 2
-    away = np.linalg.norm(ecef - np.repeat(centre, np.diff(start), axis=0), axis=1)
-    return Drawn(
-        cell,
-        Ecef(centre),
-        np.maximum.reduceat(away, first),
-        np.minimum.reduceat(prisms.height_m, first),
-        np.maximum.reduceat(prisms.height_m, first),
-    )
+    centre, (radius_m, low_m, high_m) = _bounds(ecef, prisms.height_m, start)
+    return Drawn(cell, Ecef(centre), radius_m, low_m, high_m)
+
+
+@kernel
+def _bounds(ecef: Ecef, height_m: Floats, start: Ints) -> tuple[Floats, Floats]:
+    """Return the middle of each thing's box, and its radius, lowest and highest point."""
+    count = len(start) - 1
+    centre, found = np.empty((count, 3)), np.empty((3, count))
+    for n in range(count):
+        here = slice(start[n], start[n + 1])
+        for k in range(3):
+            centre[n, k] = (ecef[here, k].min() + ecef[here, k].max()) / 2
+        most = 0.0
+        for v in range(start[n], start[n + 1]):
+            x, y, z = ecef[v, 0], ecef[v, 1], ecef[v, 2]
+            x, y, z = x - centre[n, 0], y - centre[n, 1], z - centre[n, 2]
+            most = max(most, x * x + y * y + z * z)
+        found[0, n] = math.sqrt(most)
+        found[1, n], found[2, n] = height_m[here].min(), height_m[here].max()
+    return centre, found
 
 
 def index_records(tree: Tree, drawn: Drawn) -> NDArray[np.void]:

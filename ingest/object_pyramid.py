@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from ingest.flat_roofs import Ladder, roofs_of, with_flat_roofs, worst_overhangs_m
 from ingest.grounding import Terrain, proxy_feet_m
 from ingest.object_cut import Cut
 from ingest.object_encode import Decided, decided, encoded
@@ -75,13 +76,16 @@ def make_branch(
     first, last = tree.first[group], tree.last[group]
     solids = buildings.shapes.solids(prisms)
     boxes = make_boxes(solids, first, last)
-    error = measure(boxes, solids, first, last)
+    roofs = roofs_of(buildings.shapes, prisms, solids)
+    error = measure(boxes, solids, first, last) + worst_overhangs_m(roofs, first, last)
     count = len(cut.held)
     start = np.searchsorted(boxes.group, np.arange(count + 1))
     shapes = Shapes.of_boxes(boxes)
     top = StandIn(shapes.take(slice(int(start[-1]), None)), float(error[count:].sum()))
-    lower = _on_ground(shapes.take(slice(int(start[-1]))), start, terrain)
-    proxies = _proxies(tree, cut.held, lower, start, error[:count])
+    lower = Ladder(shapes.take(slice(int(start[-1]))), start, error[:count])
+    lower = with_flat_roofs(cut, buildings.shapes, prisms, roofs, solids, lower)
+    ground = _on_ground(lower.shapes, lower.start, terrain)
+    proxies = _proxies(tree, cut.held, ground, lower.start, lower.error_m)
     records = index_records(tree, meshes.drawn + proxies.meshes.drawn)
     return _finished(decided(records, cut, own, proxies), own), top
 
@@ -166,9 +170,11 @@ def _coarser(parts: Sequence[Shapes]) -> list[StandIn]:
     shapes = Shapes.joined(parts)
     end = np.cumsum([len(one.foot_m) for one in parts])
     first = end - [len(one.foot_m) for one in parts]
-    solids = shapes.solids(shapes.prisms())
+    prisms = shapes.prisms()
+    solids = shapes.solids(prisms)
     boxes = make_boxes(solids, first, end)
-    error = measure(boxes, solids, first, end)
+    overhang = worst_overhangs_m(roofs_of(shapes, prisms, solids), first, end)
+    error = measure(boxes, solids, first, end) + overhang
     start = np.searchsorted(boxes.group, np.arange(len(parts) + 1)).tolist()
     made = Shapes.of_boxes(boxes)
     spans = zip(start[:-1], start[1:], error.tolist(), strict=True)

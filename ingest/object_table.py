@@ -66,7 +66,7 @@ class NewObjects:
     height_m: Floats
     dimension_m: Floats
     solid: list[bytes | None]
-    attributes: list[bytes]
+    attributes: list[str]
     """(n,) JSON"""
 
 
@@ -138,7 +138,7 @@ def insert_objects(writer: Writer, name: str, first: int, new: NewObjects) -> In
         new.dimension_m.tolist(),
         new.footprint,
         new.solid,
-        [text.decode() for text in new.attributes],
+        new.attributes,
         strict=True,
     )
     writer.connection.executemany(_INSERT, rows)
@@ -159,7 +159,7 @@ def update_places(writer: Writer, ids: Ints, cell: Ints, base_m: Floats) -> None
         writer.connection.executemany("UPDATE object SET cell=?, base_m=? WHERE id=?", rows)
 
 
-def attributes_json(columns: Mapping[str, NDArray[Any]], rows: Ints) -> list[bytes]:
+def attributes_json(columns: Mapping[str, NDArray[Any]], rows: Ints) -> list[str]:
     """Return the attributes of some features as JSON objects; missing values left out."""
     found: list[dict[str, Any]] = [{} for _ in range(len(rows))]
     for name, column in columns.items():
@@ -171,4 +171,4 @@ def attributes_json(columns: Mapping[str, NDArray[Any]], rows: Ints) -> list[byt
         for row, value in zip(present.tolist(), values[present].tolist(), strict=True):
             found[row][name] = value
     encode = msgspec.json.Encoder(enc_hook=str).encode
-    return [encode(one) for one in found]
+    return [encode(one).decode() for one in found]

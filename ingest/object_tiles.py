@@ -2,18 +2,16 @@
 """From meshes of buildings and proxies to the tile of one cell."""
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ingest.extrude import Prisms
 from ingest.object_index import Drawn, drawn_of
-from tiles.frames import Ecef, Floats, Ints, Local
-from tiles.mesh import Mesh, quantise
+from tiles.frames import Ecef, Floats, Ints
+from tiles.kernels import kernel
+from tiles.mesh import STEPS, Mesh
 from tiles.objects import OBJECT, PROXY, PROXY_ORDINAL, ObjectTile
-
-A = TypeVar("A", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +79,8 @@ def make_tile(
         (m, m.vertex_start[s.start : s.stop + 1], m.triangle_start[s.start : s.stop + 1])
         for m, s in parts
     ]
-    position = _joined([m.ecef[v[0] : v[-1]] for m, v, _ in spans])
-    centre = Ecef((position.min(axis=0) + position.max(axis=0)) / 2)
-    steps, scale_m = quantise(Local(position - centre))
-    vertices = _joined([m.prisms.vertices[v[0] : v[-1]] for m, v, _ in spans]).copy()
+    centre, scale_m, steps = _quantised(*(m.ecef[v[0] : v[-1]] for m, v, _ in spans))
+    vertices = np.concatenate([m.prisms.vertices[v[0] : v[-1]] for m, v, _ in spans])
     vertices["position"] = steps
     own_vertices = np.diff(spans[0][1])
     vertices["detail"][:, 1] = PROXY_ORDINAL
@@ -95,30 +91,44 @@ def make_tile(
         m.prisms.triangles[t[0] : t[-1]] - (v[0] - k)
         for (m, v, t), k in zip(spans, shift, strict=True)
     ]
-    indices = _joined(triangles).ravel().astype(np.uint16)
-    mesh = Mesh(centre, scale_m, vertices, indices)
+    indices = np.concatenate(triangles).ravel().astype(np.uint16)
+    mesh = Mesh(Ecef(centre), scale_m, vertices, indices)
     ends = [3 * (t[1:] - t[0]) for _, _, t in spans]
     first_proxy = 3 * int(spans[0][2][-1] - spans[0][2][0])
-    objects = _object_table(own, own_range, centre, scale_m, ends[0])
+    objects = _object_table(own, own_range, mesh, ends[0])
     return ObjectTile(
         cell, mesh, objects, _proxy_table(proxies, proxy_range, first_proxy, ends[1])
     )
 
 
-def _joined(parts: list[NDArray[A]]) -> NDArray[A]:
-    """Join what is there; leaves have no proxies, most other cells no objects."""
-    there = [part for part in parts if len(part)]
-    return there[0] if len(there) == 1 else np.concatenate(parts)
+@kernel
+def _quantised(own: Floats, proxies: Floats) -> tuple[Floats, float, NDArray[np.int16]]:
+    """Round positions to 16-bit steps around their middle, as `mesh.quantise` does."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for some in (own, proxies):
+        for place in some:
+            for k in range(3):
+                low[k], high[k] = min(low[k], place[k]), max(high[k], place[k])
+    centre = (low + high) / 2
+    reach_m = max((high - centre).max(), (centre - low).max())
+    scale_m = max(reach_m, 1e-3) / STEPS
+    steps, count = np.empty((len(own) + len(proxies), 3), np.int16), 0
+    for some in (own, proxies):
+        for place in some:
+            for k in range(3):
+                steps[count, k] = np.rint((place[k] - centre[k]) / scale_m)
+            count += 1
+    return centre, scale_m, steps
 
 
 def _object_table(
-    own: OwnObjects, which: slice, centre: Ecef, scale_m: float, ends: Ints
+    own: OwnObjects, which: slice, mesh: Mesh, ends: Ints
 ) -> np.ndarray[tuple[int], np.dtype[np.void]]:
     table = np.zeros(len(ends), OBJECT)
     drawn = own.meshes.drawn
     table["id"] = own.id[which]
-    table["centre"] = drawn.centre[which] - centre
-    table["radius_m"] = drawn.radius_m[which] * (1 + 1e-6) + scale_m
+    table["centre"] = drawn.centre[which] - mesh.centre
+    table["radius_m"] = drawn.radius_m[which] * (1 + 1e-6) + mesh.scale_m
     table["dimension_m"] = own.dimension_m[which]
     table["index_end"] = ends
     return table

@@ -70,7 +70,7 @@ def repair(geometry: Geometries) -> Repaired:
     ----------
     geometry : (n,) shapely geometries in degrees, None where there is none
     """
-    polygon = shapely.force_2d(np.asarray(geometry, object))
+    polygon = _flattened(np.array(geometry, object))
     reason = np.full(len(polygon), "", object)
     kind = shapely.get_type_id(polygon)
     _mark(reason, (kind < 0) | shapely.is_empty(polygon), "no geometry")
@@ -94,6 +94,12 @@ def repair(geometry: Geometries) -> Repaired:
     _mark(reason, width > MAX_WIDTH_M, f"wider than {MAX_WIDTH_M / 1000:.0f} km")
     polygon = _only(polygon, reason == "")
     return Repaired(_tidied(polygon), (reason == "") & (broken | heavy | joined), reason)
+
+
+def _flattened(geometry: Geometries) -> Geometries:
+    deep = shapely.has_z(geometry) | shapely.has_m(geometry)
+    geometry[deep] = shapely.force_2d(geometry[deep])
+    return geometry
 
 
 def _mark(reason: NDArray[np.object_], where: NDArray[np.bool_], text: str) -> None:
@@ -181,5 +187,8 @@ def _simplified(geometry: Geometries) -> Geometries:
 
 def _tidied(polygon: Geometries) -> Geometries:
     """Drop repeated corners; shells counter-clockwise, holes clockwise."""
-    clean = shapely.remove_repeated_points(polygon)
-    return np.asarray(shapely.orient_polygons(clean, exterior_cw=False))
+    xy, owner = shapely.get_coordinates(polygon, return_index=True)
+    again = np.unique(owner[1:][(xy[1:] == xy[:-1]).all(axis=1)])
+    polygon = polygon.copy()
+    polygon[again] = shapely.remove_repeated_points(polygon[again])
+    return np.asarray(shapely.orient_polygons(polygon, exterior_cw=False))

@@ -8,6 +8,7 @@ checksum covers lane, cell and body, so that a right body under a wrong cell is 
 import struct
 import sys
 import zlib
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,12 +67,20 @@ def header_of(lane: Lane, cell: int, mesh: Mesh) -> NDArray[np.void]:
     return head
 
 
-def pack(head: NDArray[np.void], mesh: Mesh, *tail: bytes) -> bytes:
+def pack(
+    head: NDArray[np.void], mesh: Mesh, *tail: bytes, zstd_level: int = ZSTD_LEVEL
+) -> bytes:
     """Join header, vertices, indices and the lane's tables, and compress them."""
     joined = b"".join(tail)
     head["tail_bytes"] = len(joined)
     whole = head.tobytes() + mesh.vertices.tobytes() + mesh.indices.tobytes() + joined
-    return zstd.compress(whole, ZSTD_LEVEL)
+    return _compressor(zstd_level).compress(whole, zstd.ZstdCompressor.FLUSH_FRAME)
+
+
+@cache
+def _compressor(zstd_level: int) -> zstd.ZstdCompressor:
+    """Return one to use again and again: a new one costs as much as a small tile."""
+    return zstd.ZstdCompressor(zstd_level)
 
 
 def unpack(lane: Lane, body: bytes) -> tuple[np.void, Mesh, memoryview]:

@@ -34,6 +34,8 @@ PROXY = np.dtype(
         ("count", "<u4"),  # buildings that it stands for
     ]
 )
+ZSTD_LEVEL = 3
+"""Takes half the time of 5, for a twentieth more bytes."""
 PROXY_ORDINAL = 65535
 """`detail[1]` of a proxy's vertices; own objects carry their ordinal in the tile."""
 
@@ -55,7 +57,8 @@ def encode(tile: ObjectTile) -> bytes:
     head = header_of(Lane.OBJECTS, tile.cell, tile.mesh)
     head["object_count"], head["proxy_count"] = len(tile.objects), len(tile.proxies)
     head["error_m"] = tile.proxies["error_m"].max() if len(tile.proxies) else 0.0
-    return pack(head, tile.mesh, tile.objects.tobytes(), tile.proxies.tobytes())
+    tables = tile.objects.tobytes(), tile.proxies.tobytes()
+    return pack(head, tile.mesh, *tables, zstd_level=ZSTD_LEVEL)
 
 
 def decode(body: bytes) -> ObjectTile:

@@ -134,14 +134,12 @@ def _search(
         bx, by = uv[b, 0] - x, uv[b, 1] - y
         cx, cy = uv[c, 0] - x, uv[c, 1] - y
         w0, w1, w2 = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
-        area = w0 + w1 + w2
-        if area <= 0.0:
+        area, least = w0 + w1 + w2, min(w0, w1, w2)
+        if area <= 0.0 or least <= best * area:
             continue
-        inside = min(w0, w1, w2) / area
-        if inside > best:
-            best, found, wa, wb, wc = inside, t, w0 / area, w1 / area, w2 / area
-            if inside >= 0.0:
-                break
+        best, found, wa, wb, wc = least / area, t, w0 / area, w1 / area, w2 / area
+        if least >= 0.0:
+            break
     a, b, c = triangles[found, 0], triangles[found, 1], triangles[found, 2]
     return best, a, b, c, wa, wb, wc
 
