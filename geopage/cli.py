@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import entry_points
 
 from geopage import __version__
-from tiles.errors import InputError, TileFault
+from tiles.errors import InputError, TileFault, is_interrupt
 
 GROUP = "geopage.commands"
 HELP = {
@@ -20,7 +20,9 @@ HELP = {
     "find": "buildings by what is known of them",
     "render": "make one settled picture",
     "fly": "fly a camera path and write a report",
+    "replay": "page a flight without drawing it, by any policy, the same every time",
     "accuracy": "measure the pixel error of random views against the sources",
+    "bench": "speed against accuracy of several methods over a sweep of thresholds",
     "chart": "draw speed against accuracy from one or more flights",
     "remove": "take a source out of a store",
     "doctor": "say what this machine can draw with",
@@ -88,7 +90,9 @@ def guarded(command: Command, words: list[str]) -> int:
         print(f"geopage: {what}{error.strerror}; check the path", file=sys.stderr)
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else 2
-    except KeyboardInterrupt:
+    except BaseException as error:
+        if not is_interrupt(error):
+            raise
         print("geopage: stopped; what was reported done is kept", file=sys.stderr)
         return 130
     return 2

@@ -143,8 +143,9 @@ def _line(point: dict[str, Any]) -> str:
         f" {one['attributes']}"
         for one in point["objects"]
     )
-    linked = " ".join(point["linked_cells"])
-    ground = f"level {point['level']}  {point['source']}  linked {linked}"
+    linked = "".join(f" {cell}" for cell in point["linked_cells"])
+    source = point["source"] or "no source here"
+    ground = f"level {point['level']}  {source}" + (linked and f"  linked{linked}")
     return f"{place}  {height}  {ground}{standing}"
 
 

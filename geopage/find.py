@@ -28,6 +28,7 @@ COMPARE: dict[str, Callable[[Any, Any], bool]] = {
 _FORM = re.compile(r"([^=<>!~]*)(>=|<=|!=|=|>|<|~)(.*)", re.DOTALL)
 ADVICE = "write FIELD=VALUE, FIELD>10, FIELD~TEXT or TEXT"
 _ANY = "EXISTS(SELECT 1 FROM json_each(attributes) WHERE {})"
+_SOURCE = "source"
 STEEPNESS = math.tan(math.radians(30))
 """Of the way that `geopage render` looks when it is not told."""
 
@@ -90,7 +91,14 @@ def find_ids(store: Store, words: str) -> list[int]:
     field = known_field(store, wanted.field)
     if field.is_own:
         return _ids(store, f"holds({field.name})", ())
-    return _ids(store, _ANY.format(f"key=? AND holds({VALUE})"), (field.name,))
+    attribute = _ANY.format(f"key=? AND holds({VALUE})")
+    if field.name.lower() == _SOURCE:
+        # Many maps have an attribute of this name; it must not hide the store's sources.
+        other = _ANY.format(f"key=? AND NOT holds({VALUE})")
+        is_other = wanted.compare == "!="
+        attribute = f"NOT {other}" if is_other else attribute
+        attribute = f"holds({_SOURCE}) {'AND' if is_other else 'OR'} {attribute}"
+    return _ids(store, attribute, (field.name,))
 
 
 def _ids(store: Store, condition: str, given: tuple[str, ...]) -> list[int]:

@@ -27,9 +27,7 @@ def overview(store: Store) -> dict[str, Any]:
     `error_median_m` and `error_max_m`; `over_bound` counts cells with a larger error. Of
     the tiles: `bytes`, and `triangles` without skirts, estimated from the `tiles_read`.
     """
-    sources = [
-        {k: s[k] for k in ("name", "kind", *SHOWN) if k in s} for s in store.sources()
-    ]
+    sources = [_source(one) for one in store.sources()]
     lanes = {lane.name.lower(): _levels(store, lane) for lane in Lane}
     return {
         "path": str(store.path),
@@ -49,6 +47,15 @@ def _objects_per_cell(store: Store) -> dict[str, float]:
         return {}
     median, p90 = np.percentile(count, (50, 90), method="nearest").tolist()
     return {"median": median, "p90": p90, "max": int(count.max())}
+
+
+def _source(details: dict[str, Any]) -> dict[str, Any]:
+    """Return what is shown of a source; a raster's CRS is too long a text for it."""
+    shown = {k: details[k] for k in ("name", "kind", *SHOWN) if k in details}
+    if details["kind"] == "buildings":
+        shown |= {k: details[k] for k in ("files", "crs") if k in details}
+        shown["stored"] = details["report"]["stored"]
+    return shown
 
 
 def _levels(store: Store, lane: Lane) -> list[dict[str, Any]]:
@@ -96,7 +103,8 @@ def overview_lines(found: dict[str, Any]) -> list[str]:
     if spread := found["objects_per_cell"]:
         lines[0] += " ({median} a cell, median; at most {max})".format(**spread)
     for source in found["sources"]:
-        details = ", ".join(f"{k} {source[k]}" for k in ("datum", "path") if k in source)
+        shown = ("stored", "crs", "datum", "path", "files")
+        details = ", ".join(f"{k} {_words(source[k])}" for k in shown if k in source)
         spacing = f"{source['spacing_m']:.1f} m, " if "spacing_m" in source else ""
         lines.append(f"  {source['kind']:<9} {source['name']}: {spacing}{details}")
     for lane, levels in found["lanes"].items():
@@ -104,6 +112,10 @@ def overview_lines(found: dict[str, Any]) -> list[str]:
             lines.append(_columns(f"{lane}: level", *TITLES))
         lines += [_line(row) for row in levels]
     return lines
+
+
+def _words(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def _line(row: dict[str, Any]) -> str:

@@ -64,7 +64,7 @@ def parse_style(words: str) -> Style:
 def _from_words(field: str, equals: str, rest: str) -> Style:
     if not field or (equals and not rest):
         raise ValueError("lacks a field or its colours")
-    return Style(field, colours=_colours(_pairs(rest)) if equals else ())
+    return Style(field, colours=_colours(_pairs(field, rest)) if equals else ())
 
 
 def _from_file(path: Path) -> Style:
@@ -103,10 +103,13 @@ def _limits(ends: list[Any]) -> tuple[float, float]:
     return low, high
 
 
-def _pairs(text: str) -> dict[str, str]:
-    """Split VALUE:#rrggbb,VALUE:#rrggbb; values may hold colons and commas."""
+def _pairs(field: str, text: str) -> dict[str, str]:
+    """Split VALUE:#rrggbb,VALUE:#rrggbb; values may hold colons and commas.
+
+    The field may be said again before each value.
+    """
     cut = [part.rpartition(":") for part in _AFTER_COLOUR.split(text)]
-    return {value.strip(): colour for value, _, colour in cut}
+    return {value.strip().removeprefix(f"{field}="): colour for value, _, colour in cut}
 
 
 def _colours(given: dict[str, Any]) -> tuple[tuple[str, Colour], ...]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geopage.fields import known_field, values_of
+from geopage.palettes import RAMPS
 from geopage.scale import FIRST, MISSING_ENTRY, Scale, Values, scale_of
 from geopage.style import Style
 from tiles import cells
@@ -93,7 +94,12 @@ def styling_of(store: Store, style: Style) -> Styling:
     InputError
         When no object has the field, or the style does not suit its values.
     """
-    field = known_field(store, style.field)
+    try:
+        field = known_field(store, style.field)
+    except InputError as error:
+        subject, reason, advice = error.args
+        ramps = f"; ramps are {', '.join(RAMPS)}" if ":" in style.field else ""
+        raise InputError(subject, reason, advice + ramps) from None
     rows, values, parts = values_of(store, field), Values(), []
     while some := list(islice(rows, ROWS_AT_ONCE)):
         *columns, value = zip(*some, strict=True)

@@ -20,15 +20,16 @@ from ingest.cli_buildings import (
     synthetic_arguments,
 )
 from ingest.grounding_report import lines
+from ingest.opening import opened
 from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
-from tiles.errors import InputError
+from tiles.errors import InputError, is_interrupt
 from tiles.lanes import Lane
 from tiles.store import Store
 
 QUIET_S = 1.0
-"""A stage shorter than this shows no bar."""
+"""A stage shorter than this leaves no bar."""
 UNITS = {"reading": " posts", "meshing": " tiles", "storing": " buildings"}
 """What a stage counts, by its first word."""
 
@@ -60,7 +61,8 @@ class Bars:
                 total=total,
                 desc=what,
                 initial=begun,
-                delay=QUIET_S,
+                # On a screen at once: the first step may take long.
+                delay=0 if sys.stderr.isatty() else QUIET_S,
                 file=sys.stderr,
                 unit=unit or " steps",
                 unit_scale=bool(unit),
@@ -71,6 +73,7 @@ class Bars:
     def close(self) -> None:
         """End the last bar."""
         if self._bar is not None:
+            self._bar.leave = self._bar.format_dict["elapsed"] >= QUIET_S
             self._bar.close()
 
 
@@ -88,7 +91,9 @@ def ingest(words: list[str]) -> int:
         if fresh:
             discard(given.store)
         raise
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemError) as error:
+        if not is_interrupt(error):
+            raise
         bars.close()
         print("geopage: interrupted: run the same command again to go on", file=sys.stderr)
         return 130
@@ -115,6 +120,8 @@ def check_inputs(given: argparse.Namespace) -> None:
     for path in given.sources:
         if not path.exists():
             raise InputError(path, "no such file", "check the path")
+        if path.is_dir():
+            raise InputError(path, "is a folder", "name a file")
     if given.store.exists():
         Store(given.store).close()
     elif not given.store.parent.is_dir():
@@ -133,18 +140,30 @@ def show(report: dict[str, Any], *, as_json: bool) -> None:
         sys.stdout.write(json.dumps(report) + "\n")
         return
     for key, value in report.items():
-        if key == "sources":
+        if key == "warnings":
+            print(*(f"warning: {one}\n" for one in value), sep="", end="")
+        elif key == "sources":
             for source in value:
                 is_raster = isinstance(source, dict)
                 datum = source.get("datum_here", "no heights") if is_raster else "buildings"
                 print(f"source {source['name'] if is_raster else source}: {datum}")
         elif key == "grounding":
-            print(*lines(value), sep="\n" if lines(value) else "")
+            if found := lines(value):
+                print("all buildings of the store, on terrain coarser than the finest:")
+                print(*(f"  {one}" for one in found), sep="\n")
         elif isinstance(value, dict) and value:
-            listed = ", ".join(f"{name} {one}" for name, one in value.items())
+            said = {name: plain(one) for name, one in value.items()}
+            listed = ", ".join(f"{name} {one}" for name, one in said.items() if one)
             print(f"{key.replace('_', ' ')}: {listed}")
         elif value not in ({}, [], None):
-            print(f"{key.replace('_', ' ')}: {value}")
+            print(f"{key.replace('_', ' ')}: {plain(value)}")
+
+
+def plain(value: object) -> str:
+    """Return a value of a report as people read it."""
+    if isinstance(value, float):
+        return f"{value:.7g}"
+    return " + ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def terrain(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
@@ -172,8 +191,22 @@ def rasters(
         raise InputError(given.name, "one name for several files", "ingest them one by one")
     # All in one go: whatever is refused is refused before the earth is meshed.
     ground = earth_files() if given.earth else []
-    report = ingest_rasters(given.store, [*ground, *files], bars)
+    try:
+        report = ingest_rasters(given.store, [*ground, *files], bars)
+    except InputError as error:
+        raise better_refusal(error) from error
     return report | reground(given.store, bars)
+
+
+def better_refusal(error: InputError) -> InputError:
+    """Say which command takes a file of footprints that was given as a raster."""
+    subject = error.args[0]
+    try:
+        with opened(Path(subject)) as found:
+            advice = "use `geopage ingest buildings`"
+            return InputError(subject, f"a {found.kind.value} file, not a raster", advice)
+    except InputError:
+        return error
 
 
 def reground(store: Path, bars: Callable[[int, int, str], None]) -> dict[str, Any]:
@@ -213,7 +246,9 @@ def parser_of_ingest() -> argparse.ArgumentParser:
         else:
             kind.add_argument("sources", type=Path, nargs="+", metavar="SRC")
         kind.add_argument("--name", help="name of the source (default: the file's name)")
-        kind.add_argument("--crs", help="CRS of files that lack one, for example EPSG:4326")
+        kind.add_argument(
+            "--crs", help="CRS of files that lack or misstate it, such as EPSG:4326"
+        )
         kind.add_argument("--bare", action="store_true", help="a new store starts empty")
         kind.add_argument(
             "--strict",

@@ -39,7 +39,8 @@ class ToDegrees:
     def of(cls, path: Path, crs: str | None) -> "ToDegrees":
         """Make one for a CRS as a file or a user names it; heights are left aside."""
         if crs is None:
-            advice = "name it with --crs, such as --crs EPSG:4326"
+            beside = ", or add its .prj file" if path.suffix.lower() == ".shp" else ""
+            advice = f"name it with --crs, such as --crs EPSG:4326{beside}"
             raise InputError(path, "says no CRS", advice)
         try:
             system = pyproj.CRS.from_user_input(crs)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.frames import Floats, Ints
-from tiles.kernels import kernel
+from tiles.kernels import inlined, kernel
 from tiles.mesh import ROOF, WALL
 
 
@@ -20,7 +20,7 @@ def walls_and_roofs(
     corner: Floats,
     ahead: Ints,
     start: Ints,
-    foot_and_top_m: Floats,
+    heights_m: Floats,
     place: Floats,
     normal: NDArray[np.int8],
     marks: NDArray[np.uint16],
@@ -32,15 +32,15 @@ def walls_and_roofs(
     corner : (c, 4) longitude and latitude, rad, and metres per degree of each
     ahead : (c,) the corner that the wall goes on to
     start : (n + 1,) where each object's corners begin
-    foot_and_top_m : (n, 2)
+    heights_m : (n, 3) foot, top and ground
     place : (3, v) longitude and latitude, rad, height, m
     normal : (v, 4), the last column stays
-    marks : (v, 2) decimetres above the foot; WALL or ROOF
+    marks : (v, 2) decimetres above the ground, 16 bits with a sign; WALL or ROOF
     """
     for n in range(len(start) - 1):
         first, count = start[n], start[n + 1] - start[n]
-        foot_m, top_m = foot_and_top_m[n]
-        rise = min(max(np.rint((top_m - foot_m) * 10.0), 0.0), 65535.0)
+        foot_m, top_m, ground_m = heights_m[n]
+        low, high = _decimetres(foot_m - ground_m), _decimetres(top_m - ground_m)
         for c in range(first, start[n + 1]):
             out, up = _normals(corner[c], corner[ahead[c]])
             wall = 5 * first + 4 * (c - first)
@@ -48,14 +48,19 @@ def walls_and_roofs(
                 end = ahead[c] if k in (1, 2) else c
                 place[0, wall + k], place[1, wall + k] = corner[end, 0], corner[end, 1]
                 place[2, wall + k] = top_m if k >= 2 else foot_m
-                marks[wall + k, 0], marks[wall + k, 1] = rise if k >= 2 else 0.0, WALL
+                marks[wall + k, 0], marks[wall + k, 1] = high if k >= 2 else low, WALL
                 for i in range(3):
                     normal[wall + k, i] = np.rint(127.0 * out[i])
             top = 5 * first + 4 * count + c - first
             place[0, top], place[1, top] = corner[c, 0], corner[c, 1]
-            place[2, top], marks[top, 0], marks[top, 1] = top_m, rise, ROOF
+            place[2, top], marks[top, 0], marks[top, 1] = top_m, high, ROOF
             for i in range(3):
                 normal[top, i] = np.rint(127.0 * up[i])
+
+
+@inlined
+def _decimetres(height_m: float) -> int:
+    return int(min(max(np.rint(height_m * 10.0), -32768.0), 32767.0)) & 0xFFFF
 
 
 @kernel

@@ -27,7 +27,7 @@ HEIGHT_NAMES = (
 LEVEL_NAMES = (
     "building:levels", "building_levels", "levels", "num_floors", "floors", "storeys",
     "stories", "storeysaboveground", "numfloors", "nb_etages",
-    "numberoffloorsaboveground", "nombre_d_etages",
+    "numberoffloorsaboveground", "nombre_d_etages", "building_l", "building:l",
 )  # fmt: skip
 BASE_NAMES = ("min_height", "render_min_height", "building:min_height", "base_height")
 BASE_LEVEL_NAMES = ("building:min_level", "min_level", "min_floor")

@@ -64,7 +64,8 @@ def place_model(
         Where there is no CRS, or the coordinates can't be in it.
     """
     if crs is None and not named:
-        raise InputError(path, "says no CRS", "name it with --crs, such as --crs EPSG:7415")
+        advice = "name its own with --crs, as in --crs EPSG:25832"
+        raise InputError(path, "says no CRS", advice)
     full = _system(path, crs or named or "")
     flat = full.to_2d()
     if not (flat.is_geographic or flat.is_projected):
@@ -86,7 +87,7 @@ def _system(path: Path, text: str) -> pyproj.CRS:
         except pyproj.exceptions.CRSError:
             continue
     raise InputError(
-        path, f"unknown CRS {text[:100]!r}", "use a code such as --crs EPSG:7415"
+        path, f"unknown CRS {text[:100]!r}", "use a code such as --crs EPSG:25832"
     )
 
 

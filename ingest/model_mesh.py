@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import mapbox_earcut
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from ingest.city_objects import ANY_SURFACE, FLOOR_SURFACE, ROOF_SURFACE
@@ -16,7 +17,8 @@ ROOF_SLOPE = 0.2
 """A face whose normal points up more than this is a roof where the file does not say."""
 FLOOR_SLOPE = -0.7
 FLOOR_M = 0.05
-_SLIVER_M2 = 1e-9
+SEEN_FLOOR_M = 0.5
+_SLIVER_M2 = 5e-10
 _ONE_SIDED = 0.3
 # Across and up in the plane left when an axis is dropped, so that the turn stays.
 _ACROSS, _UPWARD = np.array([1, 2, 0]), np.array([2, 0, 1])
@@ -30,6 +32,8 @@ class Bodies:
     """(b,) every edge has a face on both sides"""
     twisted: NDArray[np.bool_]
     """(b,) neighbouring faces contradict each other on where outside is"""
+    loose: NDArray[np.bool_]
+    """(b,) there are gaps above the floor, so that neighbours can't tell"""
     inside_out: NDArray[np.bool_]
     """(b,) to be turned over"""
 
@@ -89,7 +93,7 @@ def triangulate(rings: Rings, normal: Floats) -> tuple[Ints, Ints]:
     double = _turn(flat[triangles])
     backward = double < 0
     triangles[backward] = triangles[backward][:, ::-1]
-    kept = np.flatnonzero(np.abs(double) > _SLIVER_M2)
+    kept = np.flatnonzero(trimesh.triangles.area(rings.place[triangles]) > _SLIVER_M2)
     kept = kept[np.argsort(face[kept], kind="stable")]
     return triangles[kept], face[kept]
 
@@ -134,12 +138,24 @@ def judge(rings: Rings, triangles: Ints, face: Ints) -> Bodies:
     closed, twisted = np.ones(count, bool), np.zeros(count, bool)
     closed[body[net > 0]] = False
     twisted[body[net > 1]] = True
+    loose = _gapes(rings, body, net > 0, count)
     outward = _volumes(rings, triangles, rings.body[face], count)
     # What has no floor, such as a bridge's deck with walls, is seen from above.
     up, level = _level_areas(rings, triangles, rings.body[face], count)
     one_sided = ~closed & (np.abs(up) > _ONE_SIDED * level)
     outward[one_sided] = up[one_sided]
-    return Bodies(closed, twisted, (outward < 0) & ~twisted)
+    return Bodies(closed, twisted, loose, (outward < 0) & ~twisted)
+
+
+def _gapes(
+    rings: Rings, body: Ints, is_open: NDArray[np.bool_], count: int
+) -> NDArray[np.bool_]:
+    """Tell which bodies have an open edge that is not on their floor, (count,)."""
+    up = rings.place[:, 2]
+    floor = np.full(count, np.inf)
+    np.minimum.at(floor, body, up)
+    high = np.maximum(up, up[rings.ahead]) > floor[body] + FLOOR_M
+    return np.asarray(np.bincount(body[is_open & high], minlength=count) > 0)
 
 
 def _level_areas(
@@ -166,7 +182,7 @@ def _volumes(rings: Rings, triangles: Ints, body: Ints, count: int) -> Floats:
     eye = (low + high) / 2
     eye[:, 2] = low[:, 2]
     corner = corner - eye[body][:, None]
-    six = np.einsum("ij,ij->i", corner[:, 0], np.cross(corner[:, 1], corner[:, 2]))
+    six = np.einsum("ij,ij->i", corner[:, 0], trimesh.triangles.cross(corner))
     return np.asarray(np.bincount(body, six, count), np.float64)
 
 
@@ -202,8 +218,8 @@ def shells(
     """
     drawn = ~_floors(rings, normal)[face]
     triangles, face = triangles[drawn], face[drawn]
-    # Of a body whose faces contradict each other both sides are drawn.
-    both = bodies.twisted[rings.body[face]]
+    # Of a body whose faces may contradict each other both sides are drawn.
+    both = (bodies.twisted | bodies.loose)[rings.body[face]]
     triangles = np.concatenate((triangles, triangles[both][:, ::-1]))
     sign = np.where(np.arange(len(triangles)) < len(face), 1, -1)
     face = np.concatenate((face, face[both]))
@@ -238,6 +254,6 @@ def _floors(rings: Rings, normal: Floats) -> NDArray[np.bool_]:
         rings.place[:, 2], rings.ring_start[rings.face_start[:-1]]
     ) if len(normal) else np.zeros(0)  # fmt: skip
     lowest = (unit_up(normal) < FLOOR_SLOPE) & (high < FLOOR_M)
-    return np.asarray(
-        (rings.surface == FLOOR_SURFACE) | ((rings.surface == ANY_SURFACE) & lowest)
-    )
+    # A floor that follows a slope is seen from below where the ground drawn is level.
+    said = (rings.surface == FLOOR_SURFACE) & (high < SEEN_FLOOR_M)
+    return np.asarray(said | ((rings.surface == ANY_SURFACE) & lowest))

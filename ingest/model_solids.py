@@ -55,7 +55,9 @@ class _Frame:
         return cls(lon_deg, lat_deg, *metres_per_degree(lat))
 
     def metres(self, lon_deg: Floats, lat_deg: Floats, owner: Ints) -> Floats:
-        east = (lon_deg - self.lon_deg[owner]) * self.per_lon[owner]
+        # The short way round: a repaired footprint may be on the antimeridian's other side.
+        across = np.remainder(lon_deg - self.lon_deg[owner] + 180, 360) - 180
+        east = across * self.per_lon[owner]
         north = (lat_deg - self.lat_deg[owner]) * self.per_lat[owner]
         return np.column_stack((east, north))
 
@@ -123,7 +125,10 @@ def _rings(every: Faces, owner: Ints) -> Rings:
 
 
 def _placed(every: Faces, owner: Ints, placement: Placement, count: int) -> _Placed:
-    """Turn corners to degrees and metres; owners ascend and none is left out."""
+    """Turn corners to degrees and metres; owners ascend and none is left out.
+
+    Longitudes of what is astride the antimeridian go on beyond 180.
+    """
     lon, lat = placement.degrees(every.corner[:, :2])
     up = every.corner[:, 2] * placement.unit_m
     inside = (np.abs(lon) <= 180) & (np.abs(lat) <= 90) & np.isfinite(up)
@@ -131,6 +136,8 @@ def _placed(every: Faces, owner: Ints, placement: Placement, count: int) -> _Pla
     reason = np.full(count, "", object)
     reason[owner[~inside]] = "coordinates outside the CRS"
     start = np.flatnonzero(np.diff(owner, prepend=-1))
+    astride = _ranges(lon, start)[1] > 180
+    lon = np.where(astride[owner] & (lon < 0), lon + 360, lon)
     frame = _Frame.around(_ranges(lon, start)[0], _ranges(lat, start)[0])
     place = np.column_stack((frame.metres(lon, lat, owner), up))
     size = np.column_stack([_ranges(value, start)[1] for value in place.T])

@@ -38,6 +38,11 @@ _FIRST_BYTES = {
     b"7z\xbc\xaf": "7-Zip",
     b"Rar!": "RAR",
 }
+_RASTERS = (
+    *(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
+    *(b"CDF", b"\x89HDF", b"\x89PNG", b"\xff\xd8"),
+)
+"""First bytes of TIFF, BigTIFF, netCDF, HDF5, PNG and JPEG."""
 
 
 class Kind(Enum):
@@ -128,6 +133,9 @@ def _recognised(path: Path, place: Path) -> tuple[Kind, bool]:
         raise InputError(path, "empty file", "check how it was made")
     kind = _kind(place, head)
     if kind is None:
+        if head.startswith(_RASTERS):
+            advice = "use `geopage ingest terrain` or `geopage ingest imagery`"
+            raise InputError(path, "a raster, not footprints", advice)
         packed = "gzip of what is " if is_gzip else ""
         what = f"{packed}not a {FORMATS} file"
         raise InputError(path, what, "convert it, as with ogr2ogr")

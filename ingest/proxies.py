@@ -15,6 +15,8 @@ what the object threshold goes by. So proxies never leave out what the threshold
 Below a building the ground is taken as its lowest there; below a box, as the plane of
 its lean under the lowest of its buildings. What is below ground does not count.
 
+Where buildings have roofs of their own, prisms come before boxes: `flat_roofs`.
+
 The error is never understated (how it is found: `proxy_error`), and it adds up: boxes
 that stand for boxes are off by their own error against these plus the largest of these.
 """
@@ -140,20 +142,6 @@ def measure(boxes: Boxes, solids: Solids, first: Ints, last: Ints) -> Floats:
     # Roofs are flat, and the earth below is not.
     bulge = (across**2).sum(axis=1) / (8 * WGS84_A_M)
     return np.asarray(error + np.maximum.reduceat(bulge, begin[:-1]))
-
-
-def flat_roofs(solids: Solids, first: Ints, last: Ints) -> tuple[Floats, Floats]:
-    """Return what the first coarser level of buildings with roofs draws: own prisms.
-
-    Returns
-    -------
-    top_m : (n,) height of each building's flat roof: half-way from eaves to ridge
-    error_m : (g,) error of each group's prisms
-    """
-    top_m = (solids.low_top_m + solids.top_m) / 2
-    high_m = np.maximum(solids.top_m - solids.ground_m, 0.0)
-    miss_m = np.minimum(solids.top_m - top_m, high_m)
-    return top_m, np.array([miss_m[a:b].max() for a, b in zip(first, last, strict=True)])
 
 
 def leaning(prisms: Prisms, centre_deg: Floats, lean: Floats) -> Prisms:

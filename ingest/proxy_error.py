@@ -192,7 +192,7 @@ def _distance(near: _Near, u: float, v: float, top: float) -> float:
         b = max(near.around[n, 2] - v, 0.0, v - near.around[n, 3])
         if a * a + b * b < nearest:
             edge = near.edge[near.start[n] : near.start[n + 1]]
-            flat, x, y = _to_polygon(edge, u, v)
+            flat, x, y = to_polygon(edge, u, v)
             a, b, level = near.roof[n]
             above = max(top - level - a * (u + x) - b * (v + y), 0.0)
             nearest = min(nearest, flat + above * above)
@@ -200,7 +200,7 @@ def _distance(near: _Near, u: float, v: float, top: float) -> float:
 
 
 @kernel
-def _to_polygon(edge: Floats, u: float, v: float) -> tuple[float, float, float]:
+def to_polygon(edge: Floats, u: float, v: float) -> tuple[float, float, float]:
     """Return the squared distance of a point to a polygon, and the way there."""
     nearest, inside = np.inf, False
     way_x = way_y = 0.0

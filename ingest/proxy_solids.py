@@ -8,6 +8,7 @@ import shapely
 
 from ingest.extrude import Prisms
 from ingest.footprints import Geometries
+from ingest.outlines import outlines_of
 from ingest.repair import area_m2, metres_per_degree
 from tiles.frames import Floats, Ints
 from tiles.kernels import inlined, kernel
@@ -57,8 +58,7 @@ def solids_of(
     low_top_m : (n,) lowest roof; by default the same, a flat roof
     lean : (n, 2) by default none
     """
-    parts, owner = shapely.get_parts(polygon, return_index=True)
-    _, xy, (ring, part) = shapely.to_ragged_array(parts)
+    xy, ring, part, owner = outlines_of(polygon)
     closing = np.zeros(len(xy), bool)
     closing[ring[1:] - 1] = True
     edge = np.hstack((xy[:-1], xy[1:]))[~closing[:-1]]

@@ -79,7 +79,7 @@ class Shapes:
         return mixed(self.take(plain)._plain(), plain, bodies, solid)
 
     def _plain(self) -> Prisms:
-        prisms = extrude(self.polygon, self.foot_m, self.top_m)
+        prisms = extrude(self.polygon, self.foot_m, self.top_m, self.ground_m)
         if not self.lean.any():
             return prisms
         return leaning(prisms, np.column_stack(centres_deg(self.polygon)), self.lean)

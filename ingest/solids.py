@@ -137,8 +137,9 @@ def solid_prisms(
     normal = np.einsum("ij,ijk->ik", _normals(place, triangles), axes[owner])
     vertices["normal"][:, :3] = np.rint(127 * normal)
     vertices["flags"] = kind
-    above_foot_m = up - foot + plinth_m[owner]
-    vertices["detail"][:, 0] = np.clip(np.rint(above_foot_m * 10), 0, 65535)
+    # Floors are counted from the lowest point, not from the foot; 16 bits with a sign.
+    rise = np.clip(np.rint((up - foot) * 10), -32768, 32767)
+    vertices["detail"][:, 0] = rise.astype(np.int16).view(np.uint16)
     return Prisms(
         lon_rad, lat_rad, low_m[owner] + up - foot, vertices, triangles, vertex_start,
         triangle_start,

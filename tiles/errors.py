@@ -27,3 +27,10 @@ class TileFault(Exception):  # noqa: N818 - the word of the documents; an error 
 
     def __init__(self, lane: str, cell: str, reason: str) -> None:
         super().__init__(f"{lane} tile {cell}: {reason}")
+
+
+def is_interrupt(error: BaseException | None) -> bool:
+    """Say whether Ctrl-C is behind an error: compiled code wraps it in SystemErrors."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None

@@ -88,6 +88,27 @@ def test_what_the_store_knows_is_a_field_too(world: tuple[Path, list[Attributes]
     assert 0 < len(large) < len(everything)
 
 
+def test_an_attribute_called_source_does_not_hide_the_sources(tmp_path: Path) -> None:
+    path = tmp_path / "town.geopage"
+    count = len(town(path, np.random.default_rng(3), per_place=2).footprint)
+    with sqlite3.connect(path) as connection:
+        connection.execute(
+            'UPDATE object SET attributes=\'{"source": "survey"}\' WHERE id<3'
+        )
+    connection.close()
+    with geopage.open(path) as opened:
+        found = {
+            words: len(opened.find(words))
+            for words in ("source=town", "source=survey", "source!=survey", "source!=town")
+        }
+    assert found == {
+        "source=town": count,
+        "source=survey": 2,
+        "source!=survey": count - 2,
+        "source!=town": 0,
+    }
+
+
 @pytest.mark.parametrize(
     "words", ["", "  ", "=", "levels=", "=3", "levels>many", "nosuch>3"]
 )

@@ -25,6 +25,7 @@ RED, GREY = (255, 0, 0), (204, 204, 204)
         ("h:cividis:-2.5,1e2", Style("h", "cividis", (-2.5, 100))),
         ("use=house:#f00", Style("use", colours=(("house", RED),))),
         ("use=a:b, c:#ff0000,*:#ccc", Style("use", colours=(("a:b, c", RED), ("*", GREY)))),
+        ("use=a:#f00,use=*:#ccc", Style("use", colours=(("a", RED), ("*", GREY)))),
         ("a:b=1:#FF0000,2 : #ccc", Style("a:b", colours=(("1", RED), ("2", GREY)))),
     ],
 )

@@ -197,7 +197,12 @@ def test_a_styled_tile_is_the_tile_but_for_its_style(place: Place) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "says"), [("nosuch", "no object has"), ("use:magma", "no numbers")]
+    ("words", "says"),
+    [
+        ("nosuch", "no object has"),
+        ("tall:rainbow", "ramps are viridis"),
+        ("use:magma", "no numbers"),
+    ],
 )
 def test_a_style_that_does_not_suit_is_one_line(
     words: str, says: str, place: Place

@@ -5,6 +5,7 @@ import gzip
 import json
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,9 @@ import shapely
 import trimesh
 
 from ingest.city_models import is_city_model, read_city_model
+from ingest.features import features_of, packed
 from ingest.footprints import Footprints
+from ingest.heights import HeightRules
 from ingest.repair import area_m2, repair
 from ingest.solids import Solid, decode_solid, solid_prisms, widths_m
 from tests.ingest.city_samples import (
@@ -425,3 +428,57 @@ def test_a_bridge_without_a_floor_is_seen_from_above(tmp_path: Path) -> None:
     mesh = mesh_of(decode_solid(found.solid[0]))
     assert mesh.face_normals[:, 2].max() == pytest.approx(1.0, abs=1e-3)
     assert area_m2(found.geometry) == pytest.approx([180.0], rel=1e-3)
+
+
+def test_a_house_across_the_antimeridian_is_one_and_stays_home(tmp_path: Path) -> None:
+    utm = pyproj.Transformer.from_crs(4326, 32760, always_xy=True)
+    x, y = utm.transform(180.0, -16.5)
+    for by in (-2.0, -5.0, -8.0):
+        whole = document(gable(), crs="EPSG:32760", at=(x + by, y, 30.0))
+        path = write(tmp_path / "a.json", whole)
+        found = only(read_city_model(path))
+        assert not found.unreadable
+        assert area_m2(found.geometry) == pytest.approx([80.0], rel=5e-3)
+        assert widths_m(found.solid.tolist()) == pytest.approx([10.0], abs=0.5)
+        rows = features_of((packed(found), HeightRules())).rows
+        assert -180 <= rows.lon_deg[0] < 180
+        middle = (rows.lon_deg[0] - 180) % 360
+        assert min(middle, 360 - middle) < 1e-4
+        assert rows.height_m == pytest.approx([9.0])
+
+
+def down_and_west(found: Footprints) -> tuple[float, float]:
+    """Return how much of a solid looks down and how much to the west, m2."""
+    solid = decode_solid(found.solid[0])
+    corner = solid.place.astype(float)[solid.triangles]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 2
+    west_m2, _, down_m2 = -np.minimum(normal, 0).sum(axis=0)
+    return down_m2, west_m2
+
+
+def test_where_a_wall_is_missing_the_others_are_seen_from_inside(tmp_path: Path) -> None:
+    whole = gable()
+    west = 4
+    gap = replace(
+        whole,
+        faces=[face for k, face in enumerate(whole.faces) if k != west],
+        kinds=[kind for k, kind in enumerate(whole.kinds) if k != west],
+    )
+    for body, roofs_m2 in [(whole, 0.0), (gap, 80.0)]:
+        model = document(body)
+        surface = geometry(body, 0, "MultiSurface")
+        model["CityObjects"]["b0"]["geometry"] = [surface]
+        found = only(read_city_model(write(tmp_path / "a.json", model)))
+        down_m2, west_m2 = down_and_west(found)
+        assert down_m2 == pytest.approx(roofs_m2, abs=0.1)
+        # The gable is as large as the one that is not there; the grid is a bit askew.
+        assert west_m2 == pytest.approx(60, abs=4)
+
+
+def test_a_floor_on_a_slope_is_drawn(tmp_path: Path) -> None:
+    slab = box(10, 8, 3)
+    steep = replace(slab, vertices=slab.vertices + slab.vertices[:, :1] * (0, 0, 0.2))
+    found = only(read_city_model(write(tmp_path / "a.json", document(steep))))
+    assert down_and_west(found)[0] == pytest.approx(80, abs=0.1)
+    level = only(read_city_model(write(tmp_path / "b.json", document(gable()))))
+    assert down_and_west(level)[0] == pytest.approx(0, abs=0.1)

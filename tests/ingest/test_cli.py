@@ -15,6 +15,7 @@ from geopage.cli import main
 from ingest.cli import Bars
 from ingest.terrain import ingest_rasters
 from tests.ingest.rasters import EGM96, coarse, hills, north_up, write
+from tiles.errors import is_interrupt
 from tiles.lanes import Lane
 from tiles.store import Store
 
@@ -126,7 +127,10 @@ REFUSED: list[tuple[str, str, Make | None, tuple[str, ...], str]] = [
     ("terrain", "a.tif", truncated, DATUM, "can't be read as a raster"),
     ("terrain", "a.hgt", text, DATUM, "can't be read as a raster"),
     ("terrain", "a.zip", text, DATUM, "can't be read as a raster"),
-    ("terrain", "a.tif", lambda p: p.mkdir() or p, DATUM, "can't be read as a raster"),
+    ("terrain", "a.tif", lambda p: p.mkdir() or p, DATUM, "is a folder"),
+    ("terrain", "a.geojson", squares, DATUM, "not a raster; use .*buildings"),
+    ("buildings", "a.tif", dem, (), "a raster.*; use .*terrain"),
+    ("buildings", "a.geojson", lambda p: p.mkdir() or p, (), "is a folder"),
     ("imagery", "a.tif", dem, (), "is not an RGB picture; use .*terrain"),
     ("imagery", "a.tif", rgb16, (), "uint16 colours"),
     ("buildings", "a.geojson", points, (), "polygon"),
@@ -299,12 +303,42 @@ def test_an_interrupted_ingest_of_buildings_leaves_the_store_as_it_was(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("ingest.object_build.make_branch", interrupt)
+        patched.setattr("ingest.object_branches.make_branch", interrupt)
         assert main(words) == 130
     assert capsys.readouterr().err.endswith("run the same command again to go on\n")
     with Store(store) as opened:
         assert list(opened.connection.iterdump()) == before
     assert main(words) == 0
+
+
+def test_what_interrupts_compiled_code_is_an_interrupt() -> None:
+    inner, outer = SystemError("returned a result"), SystemError("with an exception set")
+    outer.__cause__, inner.__cause__ = inner, KeyboardInterrupt()
+    assert is_interrupt(KeyboardInterrupt())
+    assert is_interrupt(outer)
+    assert not is_interrupt(SystemError("a fault of its own"))
+
+
+def test_the_report_says_where_buildings_lie(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    town = squares(tmp_path / "town.geojson")
+    words = ["ingest", "buildings", str(tmp_path / "a.geopage"), str(town), "--bare"]
+    assert main([*words, "--height", "h", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["lies_at_deg"]
+    outline = [one["geometry"] for one in json.loads(town.read_text())["features"]]
+    lon, lat = np.array(outline[0]["coordinates"][0])[:4].mean(axis=0)
+    assert found["west"] == found["east"] == pytest.approx(lon)
+    assert found["south"] == found["north"] == pytest.approx(lat)
+
+
+@pytest.mark.parametrize("height", ["0", "-3", "nan", "tall", "1e6"])
+def test_a_default_height_that_is_none_is_refused(
+    height: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["ingest", "buildings", str(tmp_path / "a.geopage"), "town.geojson"]
+    assert main([*words, f"--default-height={height}"]) == 2
+    assert "expected metres above 0" in capsys.readouterr().err
 
 
 def test_files_on_a_fresh_store_are_checked_before_the_earth_is_meshed(

@@ -92,13 +92,16 @@ def test_normals_are_those_of_the_faces_and_walls_follow_the_vertical() -> None:
     assert (flat * up).sum(axis=1)[~wall].min() > 0.99
 
 
-def test_detail_counts_decimetres_from_the_walls_foot() -> None:
-    prisms = extrude(SHAPES[:2], np.array([5.0, 0.0]), np.array([17.34, 9000.0]))
-    rise = prisms.vertices["detail"][:, 0]
+def test_detail_counts_decimetres_from_the_ground() -> None:
+    foot, top = np.array([5.0, 0.0]), np.array([17.34, 9000.0])
+    prisms = extrude(SHAPES[:2], foot, top, np.array([8.0, 5000.0]))
+    rise = np.ascontiguousarray(prisms.vertices["detail"][:, 0]).view(np.int16)
     first = slice(prisms.vertex_start[0], prisms.vertex_start[1])
-    assert set(rise[first].tolist()) == {0, 123}
-    assert rise.max() == 65535
-    assert (rise[first] == 0).sum() == 2 * 6
+    assert set(rise[first].tolist()) == {-30, 93}
+    assert (rise[first] == -30).sum() == 2 * 6
+    assert (rise.min(), rise.max()) == (-32768, 32767)
+    without = extrude(SHAPES[:1], foot[:1], top[:1]).vertices["detail"][:, 0]
+    assert set(without.tolist()) == {0, 123}
 
 
 def test_the_roof_covers_the_footprint_once() -> None:

@@ -78,7 +78,8 @@ def test_a_box_is_drawn_like_its_footprint_raised() -> None:
     middle = np.concatenate((LON, LAT))
     half = np.array([12.0, 9.0]) / 2 / np.concatenate(metres_per_degree(LAT))
     foot = shapely.box(*(middle - half), *(middle + half))
-    prism = extrude(np.array([foot], object), np.array([38.0]), np.array([47.5]))
+    heights = np.array([38.0]), np.array([47.5]), np.array([40.0])
+    prism = extrude(np.array([foot], object), *heights)
     assert solid.height_m.min() == 38.0
     assert solid.height_m.max() == 47.5
     for flag in (WALL, ROOF):

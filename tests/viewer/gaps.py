@@ -80,7 +80,9 @@ def feet_of(tile: ObjectTile, ordinals: NDArray[np.int64], proxies: int) -> Floa
     for proxy in tile.proxies:
         if not proxies >> int(proxy["child"]) & 1:
             seen[proxy["index_start"] // 3 : proxy["index_end"] // 3] = False
-    foot = (vertices["flags"][triangles] == WALL) & (vertices["detail"][triangles, 0] == 0)
+    # Walls begin at the ground or below it.
+    above = vertices["detail"][:, 0].astype(np.int16)[triangles]
+    foot = (vertices["flags"][triangles] == WALL) & (above <= 0)
     walls = seen & (foot.sum(axis=1) == 2)
     ends = triangles[walls][foot[walls]].reshape(-1, 2)
     return np.asarray(tile.mesh.local[ends] + tile.mesh.centre)

@@ -1,4 +1,4 @@
-out vec2 wall;          // windows along the wall, floors above the base
+out vec2 wall;          // windows along the wall, floors above the ground
 flat out vec4 paint;    // lit colour behind the air; 1 for walls with windows
 flat out vec3 pane;     // colour of windows behind the air
 flat out vec3 air;      // light of the air before it
@@ -63,5 +63,6 @@ void main() {
     vec3 along = cross(draw_up.xyz, n);
     along *= inversesqrt(max(dot(along, along), 1e-6));
     float along_m = dot(vec3(step_position) * draw_origin.w, along);
-    wall = vec2(along_m, float(detail.x) * 0.1) / WINDOW_M;
+    float above_ground_m = 0.1 * float(int(detail.x << 16) >> 16);
+    wall = vec2(along_m, above_ground_m) / WINDOW_M;
 }
