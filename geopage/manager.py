@@ -1,32 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A manager ranks one lane's wants, cancels what is stale, and proposes evictions."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.benefit import LATER
 from geopage.handoff import Signal, TripleBuffer
+from geopage.policies.protocol import NOTHING, PageRequests
 from geopage.priority_queue import PriorityQueue
 from geopage.residency import Residency
-from geopage.tree import F8
-from tiles.forest import Rows
 from tiles.lanes import Lane
 
 KEPT_LISTS = 60
 """What a list of the last second or so used does not go for a mere prediction."""
-
-
-@dataclass(frozen=True, slots=True)
-class PageRequests:
-    """All that a lane wants, best first."""
-
-    rows: Rows
-    ranks: F8
-
-
-NOTHING = PageRequests(np.zeros(0, np.int32), np.zeros(0))
 
 
 class TileManager:
@@ -65,7 +50,7 @@ class TileManager:
     ) -> bool:
         """Evict for what is wanted now, and with less right for what may be wanted."""
         room, newest = self._residency, self._residency.number
-        now = int(np.searchsorted(wants.ranks, LATER / 2))
+        now = wants.now
         evicted = bool(now) and room.make_room(int(filled[now - 1]), newest)
         evicted |= room.make_room(int(filled[-1]), newest - KEPT_LISTS)
         first = price[:now][price[:now] > 0][:1]

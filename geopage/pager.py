@@ -6,11 +6,8 @@ does it all, once, in the caller's thread and by the caller's clock. `THREADS.md
 who owns what.
 """
 
-import sys
-import threading
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -21,14 +18,16 @@ from geopage.draw_list import DrawList
 from geopage.exchange import Exchange, Upload
 from geopage.handoff import Signal, ViewSlot
 from geopage.manager import TileManager
+from geopage.policies.registry import policy_of
 from geopage.priority_queue import PriorityQueue
 from geopage.residency import Residency
 from geopage.scene import SceneManager, World, empty_list
 from geopage.selection import Thresholds, trees_of, warm_up
-from geopage.server import TileServer
+from geopage.servers import Supply, serve_until, servers_of
 from geopage.settings import PagerSettings
-from geopage.source import Line, StoreSource, ThrottledSource, TileSource, decoders
+from geopage.source import Line
 from geopage.styling import Styling
+from geopage.threads import Threads
 from geopage.tile_state import State
 from geopage.tree import tree_bytes
 from geopage.view import ViewState
@@ -37,12 +36,6 @@ from tiles.frames import Ecef
 from tiles.lanes import Lane
 from tiles.store import Store
 
-SCENE_PERIOD_S = 1 / 40
-LEAST_PAUSE_S = 2e-3
-SWITCH_INTERVAL_S = 1e-3
-"""Longer than other threads hold the GIL at a time; see THREADS.md."""
-CLOSE_S = 2.0
-
 
 class Pager:
     """Pages the tiles of one store for one renderer.
@@ -50,8 +43,9 @@ class Pager:
     Parameters
     ----------
     store_path : path of a .geopage file
-    settings : thresholds, budget, throttle
+    settings : thresholds, budget, throttle, policy
     styling : colours of the objects
+    dry : read and decode nothing, for paging that nobody draws
     """
 
     def __init__(
@@ -59,6 +53,8 @@ class Pager:
         store_path: str | Path,
         settings: PagerSettings | None = None,
         styling: Styling | None = None,
+        *,
+        dry: bool = False,
     ) -> None:
         self.settings = settings = settings or PagerSettings()
         with Store(store_path) as store:
@@ -71,7 +67,10 @@ class Pager:
         self._queue = PriorityQueue(
             {lane: len(tree.parent) for lane, tree in trees.items()}
         )
-        self._residency = Residency(trees, self._queue, settings.budget_bytes)
+        self.policy = policy_of(settings.policy)
+        self._residency = Residency(
+            trees, self._queue, settings.budget_bytes, self.policy.leaving
+        )
         self._residency.charge_index(
             sum(f.nbytes + tree_bytes(trees[lane], f) for lane, f in self.forests.items())
             + self._queue.nbytes
@@ -83,48 +82,38 @@ class Pager:
         self._exchange = Exchange(trees, self._queue, self._residency, self._signal)
         world = World(self.forests, trees, limits, settings.fade_s, settings.shutter_s)
         self._scene = SceneManager(
-            world, self._views, self._signal, self._residency, self._managers
+            world,
+            self._views,
+            self._signal,
+            self._residency,
+            self._managers,
+            self.policy,
         )
         warm_up()
-        self._servers = self._make_servers(Path(store_path), styling)
+        self.line = Line(settings.throttle) if settings.throttle else None
+        self._servers = servers_of(
+            Supply(Path(store_path), self.line, styling, dry),
+            self.forests,
+            self._queue,
+            self._residency,
+            self.faults,
+        )
         nowhere = ViewState(0.0, Ecef(np.zeros(3)), np.eye(3), 1.0, 1, 1)
         self._first = empty_list(nowhere, limits)
-        self._closed = threading.Event()
-        self._threads: list[threading.Thread] = []
-        self._error: BaseException | None = None
-        self._interval_s = 0.0
-        self.wake_ups: dict[str, int] = {}
-        """How often each thread has had something to do."""
-
-    def _make_servers(self, path: Path, styling: Styling | None) -> dict[Lane, TileServer]:
-        throttle = self.settings.throttle
-        line = Line(throttle) if throttle else None
-        servers, decode = {}, decoders(styling)
-        for lane in Lane:
-            source: TileSource = StoreSource(path, lane)
-            if line:
-                source = ThrottledSource(source, line)
-            servers[lane] = TileServer(
-                lane,
-                self.forests[lane].records,
-                source,
-                decode[lane],
-                self._queue,
-                self._residency,
-                self.faults,
-            )
-        return servers
+        self._threads = Threads(
+            self._scene, self._signal, self._managers, self._servers, self._queue
+        )
 
     # What the renderer calls, in its own thread. None of these waits.
 
     def view(self, view: ViewState) -> None:
         """Say where the eye is now. Raises what a thread has raised."""
-        self._raise()
+        self._threads.check()
         self._views.publish(view)
 
     def draw_list(self) -> DrawList:
         """Return the newest complete draw list; number 0 before all zones are there."""
-        self._raise()
+        self._threads.check()
         return self._scene.lists.take() or self._first
 
     def take_uploads(self, max_bytes: int) -> list[Upload]:
@@ -155,8 +144,8 @@ class Pager:
         A view must have been given. With threads running it waits for them.
         """
         while not (first := self.draw_list()).number:
-            if self._threads:
-                self._closed.wait(1e-3)
+            if self._threads.running:
+                self._threads.closed.wait(1e-3)
             else:
                 self.step(time.monotonic())
             for item in self.take_uploads(max_bytes):
@@ -199,93 +188,35 @@ class Pager:
 
     def step(self, now_s: float) -> bool:
         """Do everything once, without threads; say whether anything was done."""
-        if self._threads:
+        done = self._think(now_s)
+        waits = [server.step(now_s) for server in self._servers.values()]
+        return done or any(wait_s is not None for wait_s in waits)
+
+    def advance(self, now_s: float, end_s: float) -> None:
+        """Do all that there is to do between two times of the caller's clock."""
+        self._think(now_s)
+        serve_until(self._servers.values(), now_s, end_s)
+
+    def _think(self, now_s: float) -> bool:
+        if self._threads.running:
             raise RuntimeError("step: expected a pager without threads, got a started one")
         done = self._scene.step(now_s)
         for manager in self._managers.values():
             manager.step()
-        waits = [server.step(now_s) for server in self._servers.values()]
-        return done or any(wait_s is not None for wait_s in waits)
+        return done
 
     def start(self) -> None:
         """Start the five threads."""
-        for server in self._servers.values():
-            server.source.close()  # opened by `step`; each thread opens its own
-        self._interval_s = sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH_INTERVAL_S)
-        jobs: dict[str, Callable[[str], None]] = {"scene-manager": self._run_scene}
-        for lane in Lane:
-            jobs[f"{lane.name.lower()}-manager"] = partial(self._run_manager, lane)
-            jobs[f"{lane.name.lower()}-server"] = partial(self._run_server, lane)
-        self.wake_ups = dict.fromkeys(jobs, 0)
-        self._threads = [
-            threading.Thread(target=self._guard, args=job, name=job[0], daemon=True)
-            for job in jobs.items()
-        ]
-        for thread in self._threads:
-            thread.start()
+        self._threads.start()
 
-    def _guard(self, name: str, job: Callable[[str], None]) -> None:
-        """Run a thread's job; what it raises, the caller's next call raises."""
-        try:
-            job(name)
-        except BaseException as error:
-            self._error = self._error or error
-            self._stop()
-
-    def _run_scene(self, name: str) -> None:
-        while True:
-            # One more step says that the view has come to rest, or that a fade is over.
-            self._signal.wait(self._scene.wait_s(time.monotonic()))
-            if self._closed.is_set():
-                return
-            self.wake_ups[name] += 1
-            start_s = time.monotonic()
-            self._scene.step(start_s)
-            left_s = SCENE_PERIOD_S - (time.monotonic() - start_s)
-            self._closed.wait(max(left_s, LEAST_PAUSE_S))
-
-    def _run_manager(self, lane: Lane, name: str) -> None:
-        while self._managers[lane].signal.wait():
-            self.wake_ups[name] += 1
-            self._managers[lane].step()
-
-    def _run_server(self, lane: Lane, name: str) -> None:
-        server = self._servers[lane]
-        try:
-            while not self._closed.is_set():
-                wait_s = server.step(time.monotonic())
-                if wait_s is None:
-                    self._queue.wait(lane)
-                    self.wake_ups[name] += 1
-                elif wait_s > 0:
-                    self._closed.wait(wait_s)
-        finally:
-            server.source.close()
-
-    def _raise(self) -> None:
-        if self._error is not None:
-            raise self._error
-
-    def _stop(self) -> None:
-        self._closed.set()
-        self._queue.close()
-        self._signal.close()
-        for manager in self._managers.values():
-            manager.signal.close()
+    @property
+    def wake_ups(self) -> dict[str, int]:
+        """How often each thread has had something to do."""
+        return self._threads.wake_ups
 
     def close(self) -> None:
         """Stop the threads, in less than two seconds, and close the store."""
-        self._stop()
-        until_s = time.monotonic() + CLOSE_S
-        for thread in self._threads:
-            thread.join(max(until_s - time.monotonic(), 0.0))
-        if self._threads:
-            sys.setswitchinterval(self._interval_s)
-        else:
-            for server in self._servers.values():
-                server.source.close()
-        self._threads = []
+        self._threads.close()
 
     def __enter__(self) -> Self:
         return self

@@ -12,7 +12,7 @@ indivisible. Everything else runs under the lock, for microseconds.
 
 import threading
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,13 @@ from geopage.metrics import Counters
 from geopage.priority_queue import PriorityQueue
 from geopage.tile_state import State, advance
 from geopage.tile_table import LaneTable
-from geopage.tree import U1, Tree
+from geopage.tree import F8, U1, Tree
 from tiles.forest import Rows
 from tiles.lanes import Lane
 
 Key = tuple[Lane, int]
+Leaving = Callable[[Lane, Rows, NDArray[np.int64]], F8]
+"""Orders tiles that may go, the smallest first: see `geopage.policies`."""
 PINNED = np.iinfo(np.int64).max
 PINNED_LEVELS = 2
 SLACK_SHARE = 64
@@ -35,11 +37,20 @@ PINNED_SHARE = 8
 """Levels 1 and 2 are pinned, too, where they take at most an eighth of the budget."""
 
 
+def least_recently_used(lane: Lane, rows: Rows, last_used: NDArray[np.int64]) -> F8:  # noqa: ARG001
+    """Order tiles by when they were last needed."""
+    return last_used.astype(np.float64)
+
+
 class Residency:
     """States, bytes and evictions of both lanes. Thread: any, as said for each method."""
 
     def __init__(
-        self, trees: Mapping[Lane, Tree], queue: PriorityQueue, budget_bytes: int
+        self,
+        trees: Mapping[Lane, Tree],
+        queue: PriorityQueue,
+        budget_bytes: int,
+        leaving: Leaving = least_recently_used,
     ) -> None:
         self.counters = Counters()
         self.budget_bytes = budget_bytes
@@ -57,6 +68,7 @@ class Residency:
         """what the renderer has done: tile is uploaded, or absent (dropped, freed)"""
         self._lock = threading.Lock()
         self._queue = queue
+        self._leaving = leaving
         self._tables = {lane: LaneTable(tree) for lane, tree in trees.items()}
         self._bytes = dict.fromkeys(State, 0)
         self._peak_bytes = 0
@@ -260,11 +272,12 @@ class Residency:
             return bool(oldest)
 
     def _oldest(self, older_than: int) -> list[Key]:
-        """List what may go, least recently needed first."""
-        tables = self._tables.items()
-        found = [
-            (last, lane, row) for lane, t in tables for last, row in t.oldest(older_than)
-        ]
+        """List what may go, in the policy's order."""
+        found: list[tuple[float, Lane, int]] = []
+        for lane, table in self._tables.items():
+            rows = table.unneeded(older_than)
+            order = self._leaving(lane, rows, table.last_used[rows]).tolist()
+            found += zip(order, [lane] * len(rows), rows.tolist(), strict=True)
         return [(lane, row) for _, lane, row in sorted(found)]
 
     def memory(self) -> dict[str, int]:

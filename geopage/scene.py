@@ -2,20 +2,20 @@
 """The scene manager: the newest view becomes a draw list and two lists of wants."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from geopage.benefit import merged_ranks
 from geopage.draw_list import DrawList
 from geopage.handoff import Signal, TripleBuffer, ViewSlot
-from geopage.manager import PageRequests, TileManager
-from geopage.prediction import AHEAD, Motion, ground_under, motion_of, predict, sweep_of
+from geopage.manager import TileManager
+from geopage.policies.protocol import PageRequests, Plan, Policy, Situation
+from geopage.prediction import Motion, ground_under, motion_of, predict, sweep_of
 from geopage.pressure import MemoryPressure
 from geopage.residency import Residency
 from geopage.screen_error import Lens, lens_of
-from geopage.selection import Flags, Selection, Thresholds, Wants, select
+from geopage.selection import Flags, Selection, Thresholds, select
 from geopage.transitions import Transitions
 from geopage.tree import U1, Tree
 from geopage.view import ViewState
@@ -26,7 +26,6 @@ REST_S = 0.3
 """A view that nobody replaces for so long has come to rest."""
 LIST_AGE_S = 0.08
 """How old a list may be while it is drawn: a few frames."""
-Later = list[tuple[float, Selection]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +51,7 @@ class SceneManager:
         signal: Signal,
         residency: Residency,
         managers: Mapping[Lane, TileManager],
+        policy: Policy,
     ) -> None:
         self.lists: TripleBuffer[DrawList | None] = TripleBuffer(None)
         room_bytes = residency.budget_bytes - residency.index_bytes - residency.pinned_bytes
@@ -61,11 +61,10 @@ class SceneManager:
         self._signal = signal
         self._residency = residency
         self._managers = managers
+        self._policy = policy
         self._previous: Selection | None = None
         self._newest: ViewState | None = None
         self._newest_s = 0.0
-        self._turn = 0
-        self._later: dict[float, Selection] = {}
         self._transitions = Transitions(world.fade_s)
         self._moving = False
 
@@ -85,14 +84,28 @@ class SceneManager:
         view = history[-1]
         if view is not self._newest:
             self._newest, self._newest_s, stopped = view, now_s, False
-        motion = None if stopped else self._motion(history)
+        floor_m = ground_under(self._world.forests[Lane.TERRAIN], view.eye)
+        motion = None if stopped else motion_of(history, floor_m)
         self._moving = motion is not None
         number, uploaded = self._residency.snapshot()
         limits = self._world.limits.times(self.pressure.factor)
         chosen = self._choose(view, motion, uploaded, limits)
-        later = self._look_ahead(view, motion, uploaded, limits)
-        self._book(number, chosen, later)
-        waiting = self._request(chosen, later)
+        world = self._world
+        plan = self._policy.plan(
+            Situation(
+                history,
+                motion,
+                floor_m,
+                number,
+                world.trees,
+                uploaded,
+                limits,
+                world.shutter_s,
+                chosen,
+            )
+        )
+        self._book(number, chosen, plan)
+        waiting = self._request(plan)
         adjusted = self.pressure.update(chosen.needed_bytes, view)
         settled = not (waiting or adjusted or motion or self._residency.in_flight)
         if self._has_globe(uploaded):
@@ -140,55 +153,35 @@ class SceneManager:
         closer = np.linalg.norm(soon.eye) < np.linalg.norm(view.eye)
         return self._lens(soon, motion) if closer else None
 
-    def _look_ahead(
-        self, view: ViewState, motion: Motion | None, uploaded: Flags, limits: Thresholds
-    ) -> Later:
-        """Look at one of the predicted views each time, in turn: that is often enough."""
-        if motion is None:
-            self._later = {}
-            return []
-        self._turn = (self._turn + 1) % len(AHEAD)
-        ahead_s, weight = AHEAD[self._turn]
-        soon = predict(view, motion, ahead_s)
-        lens = lens_of(soon, sweep=sweep_of(soon, motion, self._world.shutter_s))
-        self._later[weight] = select(self._world.trees, lens, uploaded, limits)
-        return list(self._later.items())
-
-    def _motion(self, history: Sequence[ViewState]) -> Motion | None:
-        ground_m = ground_under(self._world.forests[Lane.TERRAIN], history[-1].eye)
-        return motion_of(history, ground_m)
-
-    def _book(self, number: int, chosen: Selection, later: Later) -> None:
+    def _book(self, number: int, chosen: Selection, plan: Plan) -> None:
         """Tell the residency what this list uses; predictions count as one list older."""
         for lane in Lane:
             self._residency.used(lane, chosen.keep[lane], number)
-            for _, ahead in later:
-                self._residency.used(lane, ahead.keep[lane], number - 1)
+            for ahead in plan.keep:
+                self._residency.used(lane, ahead[lane], number - 1)
 
     def _book_drawn(self, chosen: Selection) -> None:
         for lane, rows in ((Lane.TERRAIN, chosen.terrain), (Lane.OBJECTS, chosen.objects)):
             wants = chosen.wants[lane]
             self._residency.drew(lane, rows, wants.rows[: wants.now])
 
-    def _request(self, chosen: Selection, later: Later) -> bool:
-        """Hand each lane's wants to its manager; say whether there are any."""
+    def _request(self, plan: Plan) -> bool:
+        """Hand each lane's wants to its manager; say whether the newest view has any."""
         waiting = False
         for lane, manager in self._managers.items():
-            ahead = [(weight, self._possible(lane, s.wants[lane])) for weight, s in later]
-            now = self._possible(lane, chosen.wants[lane])
-            manager.inbox.publish(PageRequests(*merged_ranks(now, ahead)))
+            wants = self._possible(lane, plan.requests[lane])
+            manager.inbox.publish(wants)
             manager.signal.set()
-            waiting |= len(now.rows) > 0
+            waiting |= wants.now > 0
         return waiting
 
-    def _possible(self, lane: Lane, wants: Wants) -> Wants:
+    def _possible(self, lane: Lane, wants: PageRequests) -> PageRequests:
         """Leave out tiles that have failed."""
         if not self._residency.has_failures:
             return wants
         possible = ~self._residency.failed(lane, wants.rows)
-        rows, benefit = wants.rows[possible], wants.benefit[possible]
         now = int(possible[: wants.now].sum())
-        return Wants(rows, benefit, wants.error_px[possible], now)
+        return PageRequests(wants.rows[possible], wants.ranks[possible], now)
 
     def _has_globe(self, uploaded: Flags) -> bool:
         """Say whether all zones can be drawn, as far as they can be had at all."""

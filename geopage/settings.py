@@ -4,8 +4,10 @@
 from dataclasses import dataclass
 
 MIB = 2**20
-POLICIES = ("benefit",)
-"""Names of the ways to choose what is read next."""
+POLICIES = ("benefit", "demand", "vgis", "vgis-centre", "mmr", "review", "berkeley")
+"""Names of the ways to choose what is read next: see `geopage.policies`."""
+REPLAYED = (*POLICIES, "oracle")
+"""With the one that has to know the flight beforehand."""
 DETAILS = ("size", "size-and-speed")
 """What the screen error is held against: the threshold; or, where that is more, how far
 things move across the screen in `SHUTTER_S`."""
@@ -58,8 +60,8 @@ class PagerSettings:
             )
         if self.budget_bytes <= 0:
             raise ValueError(f"budget_bytes: expected more than 0, got {self.budget_bytes}")
-        if self.policy not in POLICIES:
-            raise ValueError(f"policy: expected one of {POLICIES}, got {self.policy!r}")
+        if self.policy not in REPLAYED:
+            raise ValueError(f"policy: expected one of {REPLAYED}, got {self.policy!r}")
         if self.detail not in DETAILS:
             raise ValueError(f"detail: expected one of {DETAILS}, got {self.detail!r}")
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a server gets a tile's bytes from, and how slow that may be made."""
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
@@ -67,18 +68,42 @@ class StoreSource:
         self._store = None
 
 
+class SizeSource:
+    """Bodies of the right size without content, for paging that nobody draws."""
+
+    def ready_s(self, record: np.void, now_s: float) -> float:  # noqa: ARG002 (the protocol's)
+        """Return `now_s`: there is nothing to wait for."""
+        return now_s
+
+    def read(self, record: np.void) -> bytes:
+        """Return as many zeros as the stored body has bytes."""
+        return bytes(int(record["tile_bytes"]))
+
+    def close(self) -> None:
+        """Do nothing: nothing is open."""
+
+
 class Line:
-    """A disk or a network line that all throttled sources share: one transfer at a time."""
+    """A disk or a network line that all throttled sources share: one transfer at a time.
+
+    What has been asked for comes through the line, even if nobody wants it any more. The
+    latency of one request passes while the bytes of another come. Thread: any.
+    """
 
     def __init__(self, throttle: Throttle) -> None:
+        self.carried_bytes = 0
+        """of all transfers that have been booked"""
         self._bytes_per_s = throttle.mib_per_s * MIB
         self._latency_s = throttle.latency_ms / 1000
         self._free_s = -np.inf
+        self._lock = threading.Lock()
 
     def arrives_s(self, size_bytes: int, now_s: float) -> float:
         """Book a transfer and return when its last byte arrives."""
-        self._free_s = max(self._free_s, now_s) + size_bytes / self._bytes_per_s
-        return float(self._free_s + self._latency_s)
+        with self._lock:
+            self.carried_bytes += size_bytes
+            self._free_s = max(self._free_s, now_s) + size_bytes / self._bytes_per_s
+            return float(self._free_s + self._latency_s)
 
 
 class ThrottledSource:

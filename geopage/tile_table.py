@@ -5,6 +5,7 @@ import numpy as np
 
 from geopage.tile_state import State
 from geopage.tree import U1, Tree
+from tiles.forest import Rows
 
 
 class LaneTable:
@@ -33,11 +34,10 @@ class LaneTable:
         here = (State.RESIDENT, State.UPLOADED, State.RELEASING)
         return int((np.isin(self.state, here) & (self.drawn == 0)).sum())
 
-    def oldest(self, older_than: int) -> list[tuple[int, int]]:
-        """Return (last used, row) of tiles that no list from a number on needs."""
+    def unneeded(self, older_than: int) -> Rows:
+        """Return the uploaded tiles that no list from a number on needs."""
         free = (self.state == State.UPLOADED) & (self.last_used < older_than)
-        rows = np.flatnonzero(free)
-        return list(zip(self.last_used[rows].tolist(), rows.tolist(), strict=True))
+        return np.flatnonzero(free).astype(np.int32)
 
     @property
     def nbytes(self) -> int:
