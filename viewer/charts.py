@@ -75,7 +75,7 @@ def speed_against_accuracy(reports: Sequence[Json], out: Path) -> None:
         _curves(axes, name, runs, colour)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    _plain_ticks(axes)
+    plain_ticks(axes)
     axes.set_xlabel("frame time, ms (dot: median, bar to the 99th percentile)")
     axes.set_ylabel("error, px")
     first = reports[0]
@@ -143,11 +143,12 @@ def _curve(axes: Any, runs: list[Json], errors: Any, label: str, colour: str) ->
         )
 
 
-def _plain_ticks(axes: Any) -> None:
+def plain_ticks(axes: Any) -> None:
+    """Label logarithmic axes with plain numbers: 1, 2, 5, 10."""
     from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter  # noqa: PLC0415
 
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
         axis.set_major_formatter(ScalarFormatter())
         axis.set_minor_formatter(NullFormatter())
 

@@ -50,7 +50,12 @@ def write_page(folder: Path, page: Page) -> None:
         *(_chart(*chart) for chart in page.charts),
         _credits(page.credits),
     ]
-    head = f"<meta charset=utf-8><title>{escape(page.title)}</title><style>{STYLE}</style>"
+    write_document(folder, page.title, parts)
+
+
+def write_document(folder: Path, title: str, parts: Sequence[str]) -> None:
+    """Write index.html of parts that are HTML already."""
+    head = f"<meta charset=utf-8><title>{escape(title)}</title><style>{STYLE}</style>"
     view = '<meta name=viewport content="width=device-width">'
     body = "\n".join(part for part in parts if part)
     text = (

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The chart of `geopage bench`: error up, cost to the right, a curve a method."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tiles.frames import Floats
+from viewer.charts import COLOURS, plain_ticks, pyplot, save
+
+ACROSS = (
+    ("paced", "frame_p50_ms", 1.0, "frame time, ms, to the 99th percentile"),
+    ("settled", "frame_p50_ms", 1.0, "frame time, ms, to the 99th percentile"),
+    ("settled", "triangles", 1e-3, "triangles a frame, thousands"),
+    ("settled", "bytes", 2.0**-20, "tiles drawn on the path, MiB stored"),
+)
+"""Mode, column of results.csv, its unit, and words"""
+TITLES = {"paced": "flown in real time", "settled": "settled: everything loaded"}
+UP = (
+    ("error_p95_px", 1e-2, "terrain error, px\n(95 % of pixels err less)"),
+    ("flip_mean", 1e-4, "FLIP against the reference\n(0 alike, 1 different)"),
+)
+"""Columns, the least that a logarithmic axis shows of them, and words"""
+MARKERS = "osD^vP"
+LABEL_STEP = 0.06
+TINY = 1e-3
+Json = dict[str, Any]
+Series = tuple[str, list[Json]]
+Styles = dict[str, tuple[str, str]]
+
+
+def bench_chart(rows: Sequence[Json], about: Json, *outs: Path) -> None:
+    """Draw error over frame time, flown and settled, and over triangles and bytes.
+
+    Parameters
+    ----------
+    rows, about : as `bench` returns them
+    outs : files to write, .svg, .png or .pdf
+
+    Raises
+    ------
+    InputError
+    """
+    plt = pyplot(outs[0])
+    up = [kind for kind in UP if any(kind[0] in row for row in rows)]
+    across = [kind for kind in ACROSS if any(kind[0] == row["mode"] for row in rows)]
+    size = 3.4 * len(across) + 3.4, 1.5 + 3.9 * len(up)
+    figure, panels = plt.subplots(
+        len(up), len(across), figsize=size, sharey="row", squeeze=False
+    )
+    figure.subplots_adjust(0.06, 1.05 / size[1], 0.9, 1 - 0.75 / size[1], 0.06, 0.12)
+    make_room(panels, across)
+    styles = styles_of(rows)
+    for line, vertical in zip(panels, up, strict=True):
+        for axes, kind in zip(line, across, strict=True):
+            _panel(axes, series_of(rows, kind[0]), kind, vertical, styles)
+        line[0].set_ylabel(vertical[2])
+        line[0].set_ylim(limits([_points(rows, across[0], vertical)[1]]))
+    # Only now are the axes' limits what they will be.
+    for line, vertical in zip(panels, up, strict=True):
+        for i, kind in enumerate(across):
+            if i == len(across) - 1 or across[i + 1][0] != kind[0]:
+                _direct_labels(line[i], series_of(rows, kind[0]), kind, vertical, styles)
+    for top, axes, kind in zip(panels[0], panels[-1], across, strict=True):
+        top.set_title(TITLES[kind[0]], loc="left", fontsize=9)
+        axes.set_xlabel(kind[3])
+    title = f"Speed against accuracy: {about['path']} over {about['store']}"
+    figure.suptitle(f"{title}, {about['picture']}", x=0.01, ha="left", fontsize=13)
+    figure.text(0.01, 0.01, _note(about), fontsize=8, color="#555555")
+    for out in outs:
+        save(figure, out)
+    plt.close(figure)
+
+
+def make_room(panels: Any, across: Sequence[Any]) -> None:
+    """Move the panels of each mode together, with room for labels at their right."""
+    modes = list(dict.fromkeys(kind[0] for kind in across))
+    left, right, gap, label = 0.06, 0.995, 0.012, 0.085
+    width = (right - left - label * len(modes)) / len(across) - gap
+    for line in panels:
+        x = left
+        for i, (axes, kind) in enumerate(zip(line, across, strict=True)):
+            place = axes.get_position()
+            axes.set_position((x, place.y0, width, place.height))
+            is_last = i == len(across) - 1 or across[i + 1][0] != kind[0]
+            x += width + (label if is_last else gap)
+
+
+def series_of(rows: Sequence[Json], mode: str) -> list[Series]:
+    """Return the curves of a mode: each method and its rows by threshold."""
+    found: dict[str, list[Json]] = {}
+    for row in rows:
+        if row["mode"] == mode:
+            found.setdefault(row["method"], []).append(row)
+    return [(name, sorted(of, key=_threshold)) for name, of in found.items()]
+
+
+def _threshold(row: Json) -> float:
+    return float(row["threshold_px"])
+
+
+def _note(about: Json) -> str:
+    return (
+        f"{about['machine']}; {about['gl_renderer']}; commit {about['commit']}."
+        f" Paced: {about['paced']}. Settled: {about['settled']}.\n"
+        "A mark is a threshold, px (named on the first curve); | the same flight again with"
+        " everything resident. Lower left is better."
+    )
+
+
+def _panel(
+    axes: Any, series: Sequence[Series], across: Any, vertical: Any, styles: Styles
+) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.autoscale(enable=False)
+    extent = []
+    for i, (method, of) in enumerate(series):
+        colour, marker = styles[method]
+        x, y = _points(of, across, vertical)
+        extent.append(x)
+        axes.plot(x, y, "-", marker=marker, color=colour, ms=6, lw=1.4)
+        if across[1] == "frame_p50_ms":
+            extent.append(_times(axes, of, x, y, colour))
+        for row, at in zip(of, zip(x, y, strict=True), strict=True) if i == 0 else ():
+            words = f"{row['threshold_px']:g}"
+            style = {"color": colour, "fontsize": 8, "textcoords": "offset points"}
+            axes.annotate(words, at, xytext=(5, 5), **style)
+    axes.set_xlim(limits(extent))
+    plain_ticks(axes)
+
+
+def limits(values: Sequence[Floats]) -> tuple[float, float]:
+    """Return where a logarithmic axis begins and ends, also when all values are one."""
+    known = np.concatenate(values)
+    known = known[np.isfinite(known)]
+    low, high = float(known.min()), float(known.max())
+    margin = max(1.1, (high / low) ** 0.08)
+    return low / margin, high * margin
+
+
+def styles_of(rows: Sequence[Json]) -> Styles:
+    """Return colour and marker of each method."""
+    names = list(dict.fromkeys(row["method"] for row in rows))
+    return {
+        name: (COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)])
+        for i, name in enumerate(names)
+    }
+
+
+def _points(rows: Sequence[Json], across: Any, vertical: Any) -> tuple[Floats, Floats]:
+    """Return x and y, (n,), NaN where not measured; a logarithm has no zero."""
+    x = np.array([row.get(across[1], np.nan) for row in rows], np.float64) * across[2]
+    y = np.array([row.get(vertical[0], np.nan) for row in rows], np.float64)
+    return np.maximum(x, TINY), np.maximum(y, vertical[1])
+
+
+def _times(axes: Any, rows: list[Json], x: Floats, y: Floats, colour: str) -> Floats:
+    """Add bars to the 99th percentile and ticks at the floors; returns where they are."""
+    worst = np.array([row["frame_p99_ms"] for row in rows])
+    axes.hlines(y, x, np.maximum(worst, x), color=colour, lw=1, alpha=0.45)
+    floor = np.array([row.get("floor_p50_ms", np.nan) for row in rows])
+    if np.isfinite(floor).any():
+        axes.plot(floor, y, "|", color=colour, ms=12, mew=1.6)
+    return np.concatenate((worst, floor))
+
+
+def _direct_labels(
+    axes: Any, series: Sequence[Series], across: Any, vertical: Any, styles: Styles
+) -> None:
+    """Name each curve at the right of its panel, with a line to its coarsest point."""
+    ends = []
+    for method, of in series:
+        x, y = (float(part[-1]) for part in _points(of, across, vertical))
+        if np.isfinite(x * y):
+            at = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))
+            ends.append((float(at[1]), method, (x, y)))
+    ends.sort()
+    heights = apart([end[0] for end in ends], LABEL_STEP)
+    for height, (_, method, point) in zip(heights, ends, strict=True):
+        colour = styles[method][0]
+        axes.annotate(
+            method,
+            point,
+            xytext=(1.04, height),
+            textcoords="axes fraction",
+            color=colour,
+            fontsize=8,
+            va="center",
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "alpha": 0.6},
+        )
+
+
+def apart(heights: Sequence[float], step: float) -> list[float]:
+    """Return ascending heights moved as little as need be, at least `step` apart.
+
+    They stay in 0..1 as long as there is room for them.
+    """
+    top = max(1.0, step * (len(heights) - 1))
+    found = list(heights)
+    for i in range(1, len(found)):
+        found[i] = max(found[i], found[i - 1] + step)
+    for i in range(len(found) - 1, -1, -1):
+        limit = top if i == len(found) - 1 else found[i + 1] - step
+        found[i] = min(found[i], limit)
+    return found

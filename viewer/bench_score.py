@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the key frames of a method are worth, against the sources and the reference.
+
+The geometric error compares the drawn terrain with the sources' own posts; everything
+else compares pictures with the *reference frame*: the same view with the finest data,
+drawn by the same renderer with everything resident.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geopage.draw_list import DrawList
+from geopage.selection import ideal
+from geopage.view import ViewState
+from tiles.errors import InputError
+from tiles.lanes import Lane
+from tiles.source_posts import terrain_sources
+from viewer.accuracy import Judge, Judged, Tally, seen_in, without_objects
+from viewer.flip import F4, Prepared, compare, prepare
+from viewer.frame_stats import FrameStats
+from viewer.key_frames import MOST_POSTS, WIDTH_PX, thinned
+from viewer.popping import popping
+from viewer.session import Session
+
+Json = dict[str, Any]
+Rgb = NDArray[np.uint8]
+Frame = tuple[ViewState, DrawList]
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFrame:
+    """Two successive frames; the first is judged, both together show what pops."""
+
+    now: Frame
+    after: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The reference of a key frame."""
+
+    rgb: Rgb
+    seen: Prepared
+    change: F4
+    """(h, w) FLIP from this frame to the next one"""
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The key frame that looks least like its reference."""
+
+    t_s: float
+    flip: float
+    rgb: Rgb
+    reference: Rgb
+    difference: F4
+
+
+@dataclass(slots=True)
+class Scores:
+    """All key frames of one method at one threshold."""
+
+    tally: Tally
+    square: list[float] = field(default_factory=list)
+    """mean squared differences of the pictures' 8-bit channels"""
+    flip: list[float] = field(default_factory=list)
+    popping: list[float] = field(default_factory=list)
+    worst: Worst | None = None
+
+    def figures(self) -> Json:
+        """Return the columns of results.csv; what was not measured is absent."""
+        found = self.tally.figures()
+        error = {f"error_{key}_px": found[key] for key in ERRORS if key in found}
+        if error:
+            error["share_within_threshold"] = found["share_within_threshold"]
+        square = float(np.mean(self.square))
+        return {
+            **error,
+            "psnr_db": 10 * math.log10(255**2 / square) if square else math.inf,
+            "flip_mean": float(np.mean(self.flip)),
+            "flip_worst_frame": float(np.max(self.flip)),
+            "popping_mean": float(np.mean(self.popping)),
+            "popping_max": float(np.max(self.popping)),
+        }
+
+
+ERRORS = ("p50", "p95", "p99", "max")
+
+
+class Scorer:
+    """Draws and judges key frames in a session whose pager stands still."""
+
+    def __init__(self, session: Session, reference_px: float) -> None:
+        self.session, self.reference_px = session, reference_px
+        sources = terrain_sources(session.store)
+        posts = sum(int(s["width"]) * int(s["height"]) for s in sources)
+        self._judge = Judge(session) if posts <= MOST_POSTS else None
+        self._known: dict[tuple[float, float], Reference] = {}
+        self._judged: dict[tuple[float, float, bytes], Judged] = {}
+
+    def draw(self, frame: Frame) -> FrameStats:
+        """Draw a frame with all its tiles.
+
+        Raises
+        ------
+        InputError
+            When they need more memory than there is.
+        """
+        view, drawn = frame
+        self.session.hold(drawn)
+        for lane, rows in ((Lane.TERRAIN, drawn.terrain), (Lane.OBJECTS, drawn.objects)):
+            if not self.session.renderer.arena.slots[lane]["uploaded"][rows].all():
+                reason = f"one frame at {drawn.threshold_px:g} px does not fit in memory"
+                raise InputError(f"t = {view.t_s:g} s", reason, "raise --budget")
+        return self.session.renderer.draw(drawn, view)
+
+    def picture(self, frame: Frame) -> Rgb:
+        """Return a frame's picture, (h, w, 3) sRGB."""
+        self.draw(frame)
+        return self.session.renderer.read_rgb()
+
+    def score(
+        self, frames: Sequence[KeyFrame], threshold_px: float, *, keep: bool
+    ) -> Scores:
+        """Judge key frames.
+
+        Parameters
+        ----------
+        keep : the references will be asked for again
+        """
+        scores = Scores(Tally(threshold_px))
+        for frame in frames:
+            self._add(scores, frame, self._reference(frame, keep=keep))
+            if self._judge:
+                scores.tally.add(self._measure(self._judge, frame.now, threshold_px))
+        return scores
+
+    def _add(self, scores: Scores, frame: KeyFrame, reference: Reference) -> None:
+        """Compare the pictures."""
+        rgb = self.picture(frame.now)
+        seen = prepare(rgb)
+        difference = compare(reference.seen, seen)
+        change = compare(seen, prepare(self.picture(frame.after)))
+        apart = rgb.astype(np.float64) - reference.rgb
+        scores.square.append(float((apart**2).mean()))
+        scores.flip.append(found := float(difference.mean()))
+        scores.popping.append(popping(change, reference.change))
+        if scores.worst is None or found > scores.worst.flip:
+            t_s = frame.now[0].t_s
+            scores.worst = Worst(t_s, found, rgb, reference.rgb, difference)
+
+    def _measure(self, judge: Judge, frame: Frame, threshold_px: float) -> Judged:
+        """Measure the terrain's geometric error, as `fly` does."""
+        view, bare = frame[0], without_objects(frame[1])
+        # Methods that differ in objects alone draw the same terrain.
+        key = view.t_s, threshold_px, bare.terrain.tobytes()
+        if key not in self._judged:
+            self.draw((view, bare))
+            every = max(1, view.width_px // WIDTH_PX)
+            seen = thinned(seen_in(self.session.renderer, view), every)
+            error = judge.judge(bare, seen, threshold_px)
+            self._judged[key] = Judged({"t_s": view.t_s}, error)
+        return self._judged[key]
+
+    def _reference(self, frame: KeyFrame, *, keep: bool) -> Reference:
+        key = frame.now[0].t_s, frame.after[0].t_s
+        if key in self._known:
+            return self._known[key]
+        rgb, after = (
+            self.picture(self._finest(view)) for view, _ in (frame.now, frame.after)
+        )
+        seen = prepare(rgb)
+        reference = Reference(rgb, seen, compare(seen, prepare(after)))
+        if keep:
+            self._known[key] = reference
+        return reference
+
+    def _finest(self, view: ViewState) -> Frame:
+        finest = self.reference_px
+        return view, ideal(self.session.pager.forests, view, finest, finest)

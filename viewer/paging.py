@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Page a flight without drawing it, by a virtual clock.
+
+Every frame takes `FRAME_S`; selecting, reading and decoding take no time; a throttled
+line takes what it says. So nothing depends on the machine, and two runs give the same
+figures. The flight begins when the first view has all that it needs.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geopage.draw_list import DrawList
+from geopage.pager import Pager
+from geopage.policies.oracle import SLOT_S, Oracle
+from geopage.prediction import ground_under
+from geopage.screen_error import lens_of
+from geopage.selection import Thresholds, everything, select, trees_of
+from geopage.settings import MIB, PagerSettings
+from geopage.view import ViewState
+from tiles.errors import InputError
+from tiles.lanes import Lane
+from viewer.area_error import by_area, screen_errors_px
+from viewer.flight import FRAME_S, UPLOAD_BYTES
+from viewer.poses import Flight
+
+PERCENT = 95.0
+COARSER = (4.0, 3.0, 2.5, 2.0, 1.75, 1.5, 1.25)
+"""Times the threshold: the selection's bound is often well above what a pixel shows."""
+SETTLE_S = 3600.0
+"""A first view that is not there by then never will be."""
+
+
+@dataclass(slots=True)
+class Seen:
+    """What each frame showed."""
+
+    error_px: list[float] = field(default_factory=list)
+    """95th percentile over the picture's ground"""
+    objects_missing: list[int] = field(default_factory=list)
+    """object tiles that the view needs and that something else stands in for"""
+    with_stand_ins: int = 0
+
+
+class Paging:
+    """A pager and what stands in for a renderer. Thread: the one that made it."""
+
+    def __init__(self, store: Path, settings: PagerSettings) -> None:
+        self.pager = Pager(store, settings, dry=True)
+        self.trees = trees_of(self.pager.forests)
+        self._cell = self.pager.forests[Lane.TERRAIN].records["cell"]
+        self._limits = Thresholds(settings.threshold_px, settings.objects_px)
+        self._there = {
+            lane: np.zeros(len(tree.parent), np.uint8) for lane, tree in self.trees.items()
+        }
+        self.seen = Seen()
+
+    def frame(self, view: ViewState) -> DrawList:
+        """Do what a render loop does for one frame, but for the drawing."""
+        pager = self.pager
+        pager.view(view)
+        drawn = pager.draw_list()
+        for lane, row in pager.releases(drawn.number):
+            self._there[lane][row] = 0
+            pager.released(lane, row)
+        for item in pager.take_uploads(UPLOAD_BYTES):
+            self._there[item.lane][item.row] = 1
+            pager.uploaded(item.lane, item.row)
+        return drawn
+
+    def foresee(self, oracle: Oracle, flight: Flight) -> None:
+        """Tell the oracle what is to come."""
+        throttle = self.pager.settings.throttle
+        rate = throttle.mib_per_s * MIB if throttle else np.inf
+        times_s = np.arange(0.0, flight.path.duration_s, SLOT_S).tolist()
+        views = [flight.view(t_s) for t_s in times_s]
+        limits = [self.coarsest(view) for view in views]
+        oracle.foresee(self.trees, views, limits, rate)
+
+    def coarsest(self, view: ViewState) -> Thresholds:
+        """Return the largest thresholds of `COARSER` with which a view is still good."""
+        for factor in COARSER:
+            most = self._limits.times(factor)
+            drawn = select(self.trees, lens_of(view), everything(self.trees), most)
+            shown = drawn.draw_list(1, view, most, settled=True)
+            if self.error_px(shown, view) <= self._limits.terrain_px:
+                return Thresholds(most.terrain_px, self._limits.objects_px)
+        return self._limits
+
+    def error_px(self, drawn: DrawList, view: ViewState) -> float:
+        """Return the 95th percentile of a list's screen error, by area."""
+        ground_m = ground_under(self.pager.forests[Lane.TERRAIN], view.eye)
+        tree = self.trees[Lane.TERRAIN]
+        errors_px = screen_errors_px(tree, self._cell, drawn, view, ground_m)
+        return by_area(errors_px, PERCENT)
+
+    def settle(self, view: ViewState) -> float:
+        """Load what the first view needs; return when that is done."""
+        now_s = 0.0
+        while not (self.frame(view).number and self.missing(view) == (0, 0)):
+            self.pager.advance(now_s, now_s + FRAME_S)
+            now_s += FRAME_S
+            if now_s > SETTLE_S:
+                raise InputError("first view", "it never has all that it needs", ADVICE)
+        return now_s
+
+    def missing(self, view: ViewState) -> tuple[int, int]:
+        """Count the terrain and object tiles that a view needs and has not."""
+        wants = select(self.trees, lens_of(view), self._there, self._limits).wants
+        return wants[Lane.TERRAIN].now, wants[Lane.OBJECTS].now
+
+    def look(self, drawn: DrawList, view: ViewState) -> None:
+        """Write down how good a list is for a view."""
+        self.seen.error_px.append(self.error_px(drawn, view))
+        self.seen.objects_missing.append(self.missing(view)[1])
+        self.seen.with_stand_ins += bool(drawn.stand_in.any())
+
+
+ADVICE = "give it more memory with --budget, or a larger --threshold"
+
+
+def page_flight(
+    store: Path, flight: Flight, settings: PagerSettings, progress: Callable[[float], None]
+) -> dict[str, Any]:
+    """Page one flight and return its figures, JSON-ready."""
+    paging = Paging(store, settings)
+    with paging.pager as pager:
+        if isinstance(pager.policy, Oracle):
+            paging.foresee(pager.policy, flight)
+        start_s = paging.settle(flight.view(0.0))
+        before, booked = pager.counters, carried(pager)
+        count = round(flight.path.duration_s / FRAME_S)
+        for i in range(count):
+            view = flight.view(i * FRAME_S)
+            drawn = paging.frame(view)
+            paging.look(drawn, view)
+            now_s = start_s + i * FRAME_S
+            pager.advance(now_s, now_s + FRAME_S)
+            progress(i * FRAME_S)
+        spent = {key: value - before[key] for key, value in pager.counters.items()}
+        return figures(settings, paging.seen, spent) | {
+            "bytes_carried": carried(pager) - booked,
+            "peak_bytes": pager.memory()["peak_bytes"],
+            "first_view_s": start_s,
+            "seconds": flight.path.duration_s,
+        }
+
+
+def carried(pager: Pager) -> int:
+    """Return the bytes that came through the throttled line, or that were read."""
+    return pager.line.carried_bytes if pager.line else pager.counters["bytes_read"]
+
+
+def figures(settings: PagerSettings, seen: Seen, spent: dict[str, int]) -> dict[str, Any]:
+    """Put together what a flight showed and what it cost."""
+    error_px, missing = np.array(seen.error_px), np.array(seen.objects_missing)
+    good = error_px <= settings.threshold_px
+    throttle = settings.throttle
+    return {
+        "policy": settings.policy,
+        "throttle": [throttle.mib_per_s, throttle.latency_ms] if throttle else None,
+        "frames": len(error_px),
+        "share_frames_within": float(good.mean()),
+        "share_frames_complete": float((good & (missing == 0)).mean()),
+        "error_p50_px": float(np.percentile(error_px, 50)),
+        "error_p95_px": float(np.percentile(error_px, 95)),
+        "object_tiles_missing_mean": float(missing.mean()),
+        "frames_with_stand_ins": seen.with_stand_ins,
+        **spent,
+    }
