@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Make the terrain tiles that changed sources touch, in several processes."""
 
-import ctypes
 import multiprocessing
 import os
 import signal
-import sys
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -28,6 +26,7 @@ from ingest.raster_copy import Progress
 from ingest.raster_plan import Source
 from ingest.terrain_plan import Plan
 from ingest.terrain_pyramid import Made, Part, ZoneBuilder
+from ingest.workers import die_with_parent, interrupts_held
 from tiles import cells, zones
 from tiles.errors import InputError
 from tiles.index_tree import INDEX
@@ -235,30 +234,6 @@ def submitted(pool: ProcessPoolExecutor, jobs: Iterable[Job]) -> set[Future[Made
             return {pool.submit(make_part, job) for job in jobs}
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, heard)
-
-
-@contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Put off Ctrl-C: a worker whose start is broken off would print a traceback."""
-    held: list[int] = []
-    try:
-        before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    except ValueError:  # not the main thread: Ctrl-C does not come here
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if held:
-        raise KeyboardInterrupt
-
-
-def die_with_parent() -> None:
-    """Ask Linux to end this worker when its parent is killed."""
-    if sys.platform == "linux":
-        set_death_signal = 1
-        ctypes.CDLL(None).prctl(set_death_signal, signal.SIGKILL)
 
 
 def make_part(job: Job) -> MadePart:

@@ -61,11 +61,11 @@ class Workers:
     def _submitted(self, work: Callable[[J], R], jobs: Iterable[J]) -> list[Future[R]]:
         """Start the workers, deaf to Ctrl-C: the parent hears it and ends them."""
         ready = list(jobs)
-        with _interrupts_held():
+        with interrupts_held():
             if self._pool is None:
                 spawn = multiprocessing.get_context("spawn")
                 self._pool = ProcessPoolExecutor(
-                    self.count, spawn, initializer=_die_with_parent
+                    self.count, spawn, initializer=die_with_parent
                 )
             heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
@@ -86,7 +86,7 @@ class Workers:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """Put off Ctrl-C: a worker whose start is broken off would print a traceback."""
     held: list[int] = []
     try:
@@ -102,7 +102,7 @@ def _interrupts_held() -> Iterator[None]:
         raise KeyboardInterrupt
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
     """Ask Linux to end this worker when its parent is killed."""
     if sys.platform == "linux":
         set_death_signal = 1
