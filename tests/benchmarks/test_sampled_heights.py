@@ -58,8 +58,7 @@ def sampled(store: Path, source: Path, rng: np.random.Generator) -> Sampled:
     lon, lat = places_in(source, PLACES, rng)
     with Store(store) as opened:
         winners = Winners(opened)
-        places = zip(np.radians(lon).tolist(), np.radians(lat).tolist(), strict=True)
-        found = [winners.at(*place) for place in places]
+        found = winners.at(np.radians(lon), np.radians(lat))
         wins = np.array([one.source == source.stem and not one.feathered for one in found])
         lon, lat = lon[wins], lat[wins]
         height, error = Surface(opened).heights(np.radians(lon), np.radians(lat))
