@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures for every test: a seeded generator and a GL context without a screen."""
 
+import signal
 from collections.abc import Iterator
 
 import moderngl
@@ -11,6 +12,10 @@ from hypothesis import settings
 # The same examples on every run; no deadline, because a first call may compile a kernel.
 settings.register_profile("geopage", derandomize=True, deadline=None)
 settings.load_profile("geopage")
+
+# A shell starts what it runs in the background deaf to Ctrl-C, and children inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
