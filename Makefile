@@ -56,7 +56,7 @@ $(STAMP): pyproject.toml
 	  "$$python" -m venv --clear .venv; \
 	fi; \
 	echo "== installing geopage and its libraries into .venv (a few minutes the first time)"; \
-	PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq -e '.[report,video,dev]'; \
+	PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install -qq -e '.[report,video,gui,dev]'; \
 	touch $@
 
 gl: venv

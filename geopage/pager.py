@@ -21,7 +21,7 @@ from geopage.manager import TileManager
 from geopage.policies.registry import policy_of
 from geopage.priority_queue import PriorityQueue
 from geopage.residency import Residency
-from geopage.scene import SceneManager, World, empty_list
+from geopage.scene import SceneInputs, SceneManager, empty_list
 from geopage.selection import Thresholds, trees_of, warm_up
 from geopage.servers import Supply, serve_until, servers_of
 from geopage.settings import PagerSettings
@@ -80,7 +80,9 @@ class Pager:
             for lane in Lane
         }
         self._exchange = Exchange(trees, self._queue, self._residency, self._signal)
-        world = World(self.forests, trees, limits, settings.fade_s, settings.shutter_s)
+        world = SceneInputs(
+            self.forests, trees, limits, settings.fade_s, settings.shutter_s
+        )
         self._scene = SceneManager(
             world,
             self._views,

@@ -29,7 +29,7 @@ LIST_AGE_S = 0.08
 
 
 @dataclass(frozen=True, slots=True)
-class World:
+class SceneInputs:
     """What is selected from; does not change while a pager lives."""
 
     forests: Mapping[Lane, Forest]
@@ -46,7 +46,7 @@ class SceneManager:
 
     def __init__(
         self,
-        world: World,
+        world: SceneInputs,
         views: ViewSlot,
         signal: Signal,
         residency: Residency,
