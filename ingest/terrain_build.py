@@ -26,9 +26,9 @@ from ingest.raster_copy import Progress
 from ingest.raster_plan import Source
 from ingest.terrain_plan import Plan
 from ingest.terrain_pyramid import Made, Part, ZoneBuilder
-from ingest.workers import die_with_parent, interrupts_held
+from ingest.workers import die_with_parent
 from tiles import cells, zones
-from tiles.errors import InputError
+from tiles.errors import InputError, interrupts_held
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.raster_blocks import BlockCache

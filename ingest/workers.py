@@ -7,14 +7,13 @@ import os
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from itertools import islice
 from typing import Any, Self, TypeVar
 
-from tiles.errors import InputError
+from tiles.errors import InputError, interrupts_held
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -83,23 +82,6 @@ class Workers:
             for worker in set(multiprocessing.active_children()) - self._strangers:
                 worker.terminate()
         self._pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Put off Ctrl-C: a worker whose start is broken off would print a traceback."""
-    held: list[int] = []
-    try:
-        before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    except ValueError:  # not the main thread: Ctrl-C does not come here
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if held:
-        raise KeyboardInterrupt
 
 
 def die_with_parent() -> None:

@@ -17,6 +17,7 @@ _E = math.sqrt(WGS84_E2)
 # Bowring (1976): one turn is within 1e-6 m near the surface, 0.2 m at 20,000 km; two
 # reach the rounding of float64 everywhere (measured), the third is spare.
 _TURNS = 3
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 @kernel
@@ -30,6 +31,32 @@ def ecef_of(lon_rad: float, lat_rad: float, height_m: float) -> tuple[float, flo
         axis_m * math.sin(lon_rad),
         (normal_m * (1.0 - WGS84_E2) + height_m) * sin_lat,
     )
+
+
+@kernel
+def geodetic_of(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return longitude, latitude and height of one point, for use inside other kernels.
+
+    The same as `to_geodetic`.
+    """
+    axis = math.hypot(x, y)
+    sin_b, cos_b = _unit_of(z * WGS84_A_M, axis * WGS84_B_M)
+    up, out = 0.0, 0.0
+    for _ in range(_TURNS):
+        up = z + WGS84_E2 * WGS84_A_M**2 / WGS84_B_M * sin_b**3
+        out = axis - WGS84_E2 * WGS84_A_M * cos_b**3
+        sin_b, cos_b = _unit_of(up * WGS84_B_M, out * WGS84_A_M)
+    sin_lat, cos_lat = _unit_of(up, out)
+    height = axis * cos_lat + z * sin_lat
+    height = height - WGS84_A_M * math.sqrt(1.0 - WGS84_E2 * sin_lat**2)
+    return math.atan2(y, x), math.atan2(sin_lat, cos_lat), height
+
+
+@kernel
+def _unit_of(sine: float, cosine: float) -> tuple[float, float]:
+    cosine = max(cosine, 0.0)
+    length = max(math.hypot(sine, cosine), _TINY)
+    return sine / length, cosine / length
 
 
 def to_ecef(lon_rad: FloatLike, lat_rad: FloatLike, height_m: FloatLike) -> Ecef:

@@ -13,7 +13,7 @@ VERTEX = np.dtype(
         ("position", "<i2", 3),  # tile-local, ECEF axes, in units of `scale_m`
         ("flags", "<i2"),  # terrain: SKIRT bit; objects: 0 wall, 1 roof
         ("detail", "<u2", 2),  # terrain: u, v; objects: dm above ground (signed), ordinal
-        ("normal", "i1", 4),  # unit normal x 127, ECEF axes; fourth byte: entry of a style
+        ("normal", "i1", 4),  # unit normal x 127, ECEF axes; fourth byte: 0
     ]
 )
 UV_ONE = 32768
