@@ -6,8 +6,11 @@ draws any more and says when their slots are free. Thread: render.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import repeat
 from typing import NamedTuple
+
+import numpy as np
 
 from geopage.handoff import Signal
 from geopage.priority_queue import PriorityQueue
@@ -50,9 +53,7 @@ class Exchange:
         """
         ready = self._residency.ready
         uploads: list[Upload] = []
-        for rank, lane, row in sorted(
-            (self._queue.rank(*key), *key) for key in list(ready)
-        ):
+        for rank, lane, row in self._ranked(list(ready)):
             if rank == math.inf:
                 del ready[lane, row]
                 self.say(State.ABSENT, lane, row)
@@ -63,8 +64,24 @@ class Exchange:
             uploads.append(Upload(lane, row, ready.pop((lane, row))))
         return uploads
 
+    def _ranked(self, keys: list[Key]) -> list[tuple[float, Lane, int]]:
+        """Put tiles in the order of their newest ranks: what was urgent may not be now."""
+        found: list[tuple[float, Lane, int]] = []
+        for lane in {lane for lane, _ in keys}:
+            rows = np.array([row for other, row in keys if other is lane], np.int32)
+            ranks = self._queue.ranks(lane, rows).tolist()
+            found += zip(ranks, repeat(lane), rows.tolist(), strict=False)
+        return sorted(found)
+
+    def put_back(self, items: Iterable[Upload]) -> None:
+        """Take back what the renderer had no time or no room for."""
+        for item in items:
+            self._residency.ready[item.lane, item.row] = item.tile
+
     def releases(self, list_number: int) -> list[Key]:
         """Return the tiles that no list from `list_number` on draws, each once."""
+        # Without zones there is no list to wait for, and no zone comes without room.
+        list_number = max(list_number, self._residency.undrawn)
         queue, found = self._residency.released, []
         while queue and queue[0][0] <= list_number:
             try:

@@ -9,8 +9,9 @@ does. Upper and lower case are alike.
 import math
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from geopage.fields import VALUE, Value, known_field, number_of
@@ -84,13 +85,38 @@ def find_ids(store: Store, words: str) -> list[int]:
     InputError
         When the condition can't be read, or no object has its field.
     """
+    return list(chain.from_iterable(find_in_parts(store, words)))
+
+
+def find_in_parts(store: Store, words: str, at_once: int = 2000) -> Iterator[list[int]]:
+    """Return the same a few at a time: ids among the next `at_once`, perhaps none.
+
+    Raises
+    ------
+    InputError
+        When the condition can't be read, or no object has its field.
+    """
+    condition, given = _sql_of(store, words)
+    last = store.connection.execute("SELECT MAX(id) FROM object").fetchone()[0] or 0
+    ask = f"SELECT id FROM object WHERE id BETWEEN ? AND ? AND ({condition}) ORDER BY id"
+    return (
+        [
+            int(one)
+            for (one,) in store.connection.execute(ask, (k, k + at_once - 1, *given))
+        ]
+        for k in range(0, last + 1, at_once)
+    )
+
+
+def _sql_of(store: Store, words: str) -> tuple[str, tuple[str, ...]]:
+    """Return a condition as SQL, and what its question marks stand for."""
     wanted = parse(words)
     store.connection.create_function("holds", 1, wanted.holds, deterministic=True)
     if wanted.field is None:
-        return _ids(store, _ANY.format(f"holds({VALUE})"), ())
+        return _ANY.format(f"holds({VALUE})"), ()
     field = known_field(store, wanted.field)
     if field.is_own:
-        return _ids(store, f"holds({field.name})", ())
+        return f"holds({field.name})", ()
     attribute = _ANY.format(f"key=? AND holds({VALUE})")
     if field.name.lower() == _SOURCE:
         # Many maps have an attribute of this name; it must not hide the store's sources.
@@ -98,12 +124,7 @@ def find_ids(store: Store, words: str) -> list[int]:
         is_other = wanted.compare == "!="
         attribute = f"NOT {other}" if is_other else attribute
         attribute = f"holds({_SOURCE}) {'AND' if is_other else 'OR'} {attribute}"
-    return _ids(store, attribute, (field.name,))
-
-
-def _ids(store: Store, condition: str, given: tuple[str, ...]) -> list[int]:
-    ask = f"SELECT id FROM object WHERE {condition} ORDER BY id"
-    return [int(one) for (one,) in store.connection.execute(ask, given)]
+    return attribute, (field.name,)
 
 
 def view_of(found: dict[str, Any]) -> str:

@@ -25,7 +25,11 @@ from tiles.kernels import inlined, kernel
 ASK_EARLIER = 1.4
 """Tiles are asked for at this much more distance than they are drawn at."""
 JUMP_LEVELS = 3
-NOTHING, GO_ON, PROXY = 0, 1, 2
+NOTHING = 0
+STAY = 0.95
+"""What was drawn goes only below this share of its threshold."""
+OWN, SHOWN, SEEN = np.uint8(16), np.uint8(32), np.uint8(64)
+"""Bits of what the last selection made of a cell, beside bit k: it went on to child k."""
 
 
 class ObjectPlan(NamedTuple):
@@ -64,14 +68,16 @@ class Objects(NamedTuple):
     error_px: F8
     now: int
     """the first so many wants are for drawing, the others are early"""
+    made: U1
+    """(n,) bits: `before` of the next selection"""
 
 
 @kernel
 def select_objects(
-    tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1
+    tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1, before: U1
 ) -> Objects:
     """Run the passes twice, in one call without the GIL: to draw, and to ask early."""
-    plan = visit(tree, lens, tau, object_tau, uploaded)
+    plan = visit_again(tree, lens, tau, object_tau, uploaded, before)
     covered = cover_objects(tree, plan, uploaded)
     taken, own, proxies, stand = emit_objects(tree, plan, uploaded, covered)
     rows, benefit, error_px = want_objects(tree, lens, plan, uploaded, covered, stand)
@@ -94,7 +100,19 @@ def select_objects(
         np.concatenate((benefit, benefit_soon[first])),
         np.concatenate((error_px, error_soon[first])),
         len(rows),
+        made_of(n, plan),
     )
+
+
+@kernel
+def made_of(n: int, plan: ObjectPlan) -> U1:
+    """Return what a plan makes of each cell, as bits, (n,)."""
+    made = np.zeros(n, np.uint8)
+    for i in range(len(plan.rows)):
+        if not plan.held[i]:
+            own, shown = OWN * plan.own[i], SHOWN * (plan.proxies[i] > 0)
+            made[plan.rows[i]] = plan.go_on[i] | own | shown | SEEN
+    return made
 
 
 @kernel
@@ -108,6 +126,15 @@ def needed_rows(plan: ObjectPlan) -> Rows:
 def visit(
     tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1
 ) -> ObjectPlan:
+    """Walk down as for a first picture."""
+    nothing = np.zeros(len(tree.parent), np.uint8)
+    return visit_again(tree, lens, tau, object_tau, uploaded, nothing)
+
+
+@kernel
+def visit_again(
+    tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1, before: U1
+) -> ObjectPlan:
     """Walk down to everything that is larger than its threshold.
 
     Parameters
@@ -117,6 +144,7 @@ def visit(
         faster, `blur_px` instead
     object_tau : smallest bounding dimension of objects, px; likewise
     uploaded : (n,) 1 where the tile can be drawn
+    before : (n,) bits of the last selection; what it drew stays by hysteresis
     """
     n = len(tree.parent)  # often many times more than are visited: nothing is cleared
     rows, above = np.empty(n, np.int32), np.empty(n, np.int32)
@@ -132,19 +160,20 @@ def visit(
         x, y, z = centre[root]
         scale[count] = px_per_m(lens, x, y, z, radius_m[root])
         blur[count] = blur_px(lens, x, y, z, radius_m[root]) if moves else 0.0
-        if is_seen(
-            subtree_m[root], proxy_m[root], scale[count], blur[count], tau, object_tau
-        ):
+        more = scale[count] / (STAY if before[root] & SEEN else 1.0)
+        if is_seen(subtree_m[root], proxy_m[root], more, blur[count], tau, object_tau):
             rows[count], above[count], held[count] = root, -1, 0
             count += 1
     i = 0
     while i < count:
         row = rows[i]
         below[i], go_on[i], proxies[i] = -1, 0, 0
-        least, own_px = max(tau, blur[i]), tree.own_m[row] * scale[i]
+        was, least = before[row], max(tau, blur[i])
+        own_px = tree.own_m[row] * scale[i] / (STAY if was & OWN else 1.0)
         own[i] = tree.has_tile[row] and (held[i] or own_px > max(object_tau, blur[i]))
-        rough = tree.error_m[row] * scale[i] > least
-        shown = proxy_m[row] * scale[i] > least or held[i]
+        rough_px = tree.error_m[row] * scale[i]
+        proxy_px = proxy_m[row] * scale[i] / (STAY if was & SHOWN else 1.0)
+        shown = proxy_px > least or held[i]
         for k in range(4):
             child, proxy = tree.children[row, k], tree.proxies[row] >> k & 1
             if child < 0:
@@ -152,9 +181,11 @@ def visit(
             x, y, z = centre[child]
             scale[count] = px_per_m(lens, x, y, z, radius_m[child])
             blur[count] = blur_px(lens, x, y, z, radius_m[child]) if moves else 0.0
+            more = scale[count] / (STAY if before[child] & SEEN else 1.0)
             seen = is_seen(
-                subtree_m[child], proxy_m[child], scale[count], blur[count], tau, object_tau
+                subtree_m[child], proxy_m[child], more, blur[count], tau, object_tau
             )
+            rough = rough_px > least * (STAY if was >> k & 1 else 1.0)
             better = seen and (rough or not proxy) and not held[i]
             go_on[i] |= better << k
             proxies[i] |= (not better and proxy and shown) << k

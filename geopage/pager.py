@@ -7,13 +7,15 @@ who owns what.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 
+from geopage import prediction
 from geopage.draw_list import DrawList
 from geopage.exchange import Exchange, Upload
 from geopage.handoff import Signal, ViewSlot
@@ -26,10 +28,9 @@ from geopage.selection import Thresholds, trees_of, warm_up
 from geopage.servers import Supply, serve_until, servers_of
 from geopage.settings import PagerSettings
 from geopage.source import Line
-from geopage.styling import Styling
 from geopage.threads import Threads
 from geopage.tile_state import State
-from geopage.tree import tree_bytes
+from geopage.tree import U1, tree_bytes
 from geopage.view import ViewState
 from tiles.forest import build_forest
 from tiles.frames import Ecef
@@ -44,7 +45,6 @@ class Pager:
     ----------
     store_path : path of a .geopage file
     settings : thresholds, budget, throttle, policy
-    styling : colours of the objects
     dry : read and decode nothing, for paging that nobody draws
     """
 
@@ -52,7 +52,6 @@ class Pager:
         self,
         store_path: str | Path,
         settings: PagerSettings | None = None,
-        styling: Styling | None = None,
         *,
         dry: bool = False,
     ) -> None:
@@ -65,7 +64,8 @@ class Pager:
         self._signal = Signal()
         self._views = ViewSlot(self._signal)
         self._queue = PriorityQueue(
-            {lane: len(tree.parent) for lane, tree in trees.items()}
+            {lane: len(tree.parent) for lane, tree in trees.items()},
+            one_line=settings.throttle is not None,
         )
         self.policy = policy_of(settings.policy)
         self._residency = Residency(
@@ -80,9 +80,7 @@ class Pager:
             for lane in Lane
         }
         self._exchange = Exchange(trees, self._queue, self._residency, self._signal)
-        world = SceneInputs(
-            self.forests, trees, limits, settings.fade_s, settings.shutter_s
-        )
+        world = SceneInputs(self.forests, trees, settings.fade_s, settings.shutter_s)
         self._scene = SceneManager(
             world,
             self._views,
@@ -90,11 +88,13 @@ class Pager:
             self._residency,
             self._managers,
             self.policy,
+            limits,
         )
         warm_up()
+        prediction.warm_up(self.forests[Lane.TERRAIN])
         self.line = Line(settings.throttle) if settings.throttle else None
         self._servers = servers_of(
-            Supply(Path(store_path), self.line, styling, dry),
+            Supply(Path(store_path), self.line, dry),
             self.forests,
             self._queue,
             self._residency,
@@ -121,9 +121,14 @@ class Pager:
     def take_uploads(self, max_bytes: int) -> list[Upload]:
         """Return decoded tiles, best rank first, of at most `max_bytes` (but one at least).
 
-        Each must be answered by `uploaded`. Tiles that nobody wants any more are dropped.
+        Each must be answered by `uploaded`, or be given to `put_back`. Tiles that nobody
+        wants any more are dropped.
         """
         return self._exchange.take_uploads(max_bytes)
+
+    def put_back(self, items: Iterable[Upload]) -> None:
+        """Give back tiles that were taken and not uploaded; they are ranked again."""
+        self._exchange.put_back(items)
 
     def uploaded(self, lane: Lane, row: int) -> None:
         """Say that a tile can be drawn."""
@@ -155,20 +160,55 @@ class Pager:
                 self.uploaded(item.lane, item.row)
         return first
 
+    def set_limits(self, terrain_px: float, objects_px: float | None = None) -> None:
+        """Draw with other thresholds from now on. Thread: any; the newest call counts.
+
+        Parameters
+        ----------
+        terrain_px : largest screen error of terrain and of proxies
+        objects_px : bounding dimension below which an object is left out; None: same
+        """
+        changed = replace(
+            self.settings, threshold_px=terrain_px, object_threshold_px=objects_px
+        )
+        if changed == self.settings:
+            return
+        self.settings = changed
+        self._scene.set_limits(Thresholds(changed.threshold_px, changed.objects_px))
+
+    def set_policy(self, name: str) -> None:
+        """Page by another policy from now on. Thread: any; the newest call counts.
+
+        Parameters
+        ----------
+        name : one of `geopage.settings.POLICIES`
+        """
+        self.settings = replace(self.settings, policy=name)
+        self.policy = policy_of(name)
+        self._residency.leaving = self.policy.leaving
+        self._scene.set_policy(self.policy)
+
+    def destination(self, view: ViewState | None) -> None:
+        """Say where the eye is going, so that it is loaded when nothing else is to be.
+
+        None when it has arrived or goes elsewhere. Thread: any; the newest call counts.
+        """
+        self._scene.set_destination(view)
+
     # What there is to know.
 
     @property
     def settled(self) -> bool:
         """Whether the newest view has all that it wants, and every fade is over."""
-        newest = self._scene.lists.peek()
-        return self.complete and newest is not None and newest.fade is None
+        complete, newest = self.complete, self._scene.lists.peek()
+        return complete and newest is not None and newest.fade is None
 
     @property
     def complete(self) -> bool:
         """Whether the newest view has all that it wants, and nothing is on its way."""
-        newest = self._scene.lists.peek()
-        idle = not (self._signal.raised or self._residency.in_flight)
-        return newest is not None and newest.settled and idle
+        idle = self._scene.idle and not self._residency.in_flight
+        newest = self._scene.lists.peek()  # last: it is of what made the manager idle
+        return idle and newest is not None and newest.settled
 
     @property
     def counters(self) -> dict[str, int]:
@@ -181,6 +221,10 @@ class Pager:
     def message(self) -> str:
         """One line while memory is too short for the threshold, else empty."""
         return self._scene.pressure.message
+
+    def states(self, lane: Lane) -> U1:
+        """Return where each tile of a lane is, (n,) `State`."""
+        return self._residency.states(lane)
 
     def memory(self) -> dict[str, int]:
         """Return budget, index, resident, uploaded, in flight and peak, in bytes."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geopage.handoff import same_pose
+from geopage.motion import eye_ahead, rates, rotation_of, rotation_vector, row_under
 from geopage.screen_error import STILL, Sweep
 from geopage.view import ViewState
-from tiles import cells, geodesy
 from tiles.forest import Forest
 from tiles.frames import Ecef
 
@@ -25,8 +25,7 @@ AHEAD: tuple[tuple[float, float], ...] = ((0.5, 0.7), (1.0, 0.5))
 WINDOW_S = 0.3
 SWEEP_S = 0.02
 LEAST_HEIGHT_M = 1.0
-JUMP_HEIGHTS = 5.0
-JUMP_M = 50.0
+JUMP = 5.0, 50.0
 """Between two views, more than this many heights and metres is a jump, not a motion."""
 MOST_CLIMB = 3.0
 """Natural logarithms of height a second."""
@@ -52,7 +51,7 @@ class Motion:
     @property
     def turn_rad_s(self) -> float:
         """How fast the view turns."""
-        return float(np.linalg.norm(self.spin_rad_s))
+        return math.hypot(*self.spin_rad_s.tolist())
 
 
 def motion_of(views: Sequence[ViewState], floor_m: float) -> Motion | None:
@@ -67,22 +66,14 @@ def motion_of(views: Sequence[ViewState], floor_m: float) -> Motion | None:
     recent = [view for view in views if 0 <= newest.t_s - view.t_s <= WINDOW_S]
     if len(recent) < _TWO or same_pose(recent[-2], newest):
         return None
-    lon, lat, height_m = geodesy.to_geodetic(Ecef(np.stack([view.eye for view in recent])))
-    above_m = np.maximum(height_m - floor_m, LEAST_HEIGHT_M)
-    steps_m = np.linalg.norm(np.diff([view.eye for view in recent], axis=0), axis=1)
-    jumps = steps_m > JUMP_HEIGHTS * np.minimum(above_m[1:], above_m[:-1]) + JUMP_M
-    start = int(np.flatnonzero(jumps)[-1]) + 1 if jumps.any() else 0
-    span_s = newest.t_s - recent[start].t_s
+    eyes = np.concatenate([view.eye for view in recent]).reshape(-1, 3)
+    times_s = np.array([view.t_s for view in recent])
+    start, span_s, lon, lat, climb = rates(eyes, times_s, floor_m, LEAST_HEIGHT_M, JUMP)
     if span_s <= 0:
         return None
-    climb = math.log(above_m[-1] / above_m[start]) / span_s
-    return Motion(
-        math.remainder(lon[-1] - lon[start], 2 * math.pi) / span_s,
-        float(lat[-1] - lat[start]) / span_s,
-        min(max(climb, -MOST_CLIMB), MOST_CLIMB),
-        rotation_vector(newest.rotation.T @ recent[start].rotation) / span_s,
-        floor_m,
-    )
+    turn = rotation_vector(newest.rotation.T @ recent[start].rotation)
+    climb = min(max(climb / span_s, -MOST_CLIMB), MOST_CLIMB)
+    return Motion(lon / span_s, lat / span_s, climb, turn / span_s, floor_m)
 
 
 def sweep_of(view: ViewState, motion: Motion | None, shutter_s: float) -> Sweep:
@@ -96,55 +87,27 @@ def sweep_of(view: ViewState, motion: Motion | None, shutter_s: float) -> Sweep:
 
 def predict(view: ViewState, motion: Motion, ahead_s: float) -> ViewState:
     """Return the view that the motion leads to."""
-    lon, lat, height_m = (float(x) for x in geodesy.to_geodetic(view.eye))
-    above_m = max(height_m - motion.floor_m, LEAST_HEIGHT_M)
-    above_m = max(above_m * math.exp(motion.climb * ahead_s), LEAST_HEIGHT_M)
-    lat = min(max(lat + motion.lat_rad_s * ahead_s, -math.pi / 2), math.pi / 2)
-    eye = geodesy.to_ecef(
-        lon + motion.lon_rad_s * ahead_s,
-        lat,
-        motion.floor_m + above_m,
-    )
+    rates = motion.lon_rad_s, motion.lat_rad_s, motion.climb
+    way = rates[0] * ahead_s, rates[1] * ahead_s, rates[2] * ahead_s
+    eye = np.array(eye_ahead(view.eye, way, motion.floor_m, LEAST_HEIGHT_M))
     turn = motion.spin_rad_s * ahead_s
-    turn = turn * min(1.0, MOST_TURN_RAD / max(float(np.linalg.norm(turn)), _STILL))
+    turn *= min(1.0, MOST_TURN_RAD / max(motion.turn_rad_s * ahead_s, _STILL))
     rotation = view.rotation @ rotation_of(turn).T
     size = view.width_px, view.height_px
-    return ViewState(view.t_s + ahead_s, eye, rotation, view.focal_px, *size)
-
-
-def rotation_vector(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (3,) axis times angle of a (3, 3) rotation, up to half a turn."""
-    skew = np.array(
-        (
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        )
-    )
-    sine = float(np.linalg.norm(skew)) / 2
-    angle = math.atan2(sine, (float(np.trace(rotation)) - 1) / 2)
-    return skew * (angle / (2 * sine) if sine > _STILL else 0.0)
-
-
-def rotation_of(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (3, 3) rotation by a (3,) axis times angle (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < _STILL:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-    turned = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
-    return np.asarray(turned, np.float64)
+    return ViewState(view.t_s + ahead_s, Ecef(eye), rotation, view.focal_px, *size)
 
 
 def ground_under(forest: Forest, eye: Ecef) -> float:
     """Return the least height of the deepest terrain cell under the eye, metres."""
-    lon, lat, _ = geodesy.to_geodetic(eye)
-    path = cells.cell_at(lon, lat, np.arange(cells.MAX_LEVEL + 1))
-    row = int(path[0] >> 2 * cells.MAX_LEVEL + 1)  # the zones are the first rows
-    for k in cells.child_position(path[1:]).tolist():
-        below = int(forest.children[row, k])
-        if below < 0:
-            break
-        row = below
+    row = row_under(forest.children, eye)
     return float(forest.records["min_height_m"][row])
+
+
+def warm_up(forest: Forest) -> None:
+    """Compile what runs for each list, or load it from the cache."""
+    views = [
+        ViewState(t_s, Ecef(np.array((x, 0.0, 0.0))), np.eye(3), 500.0, 640, 480)
+        for t_s, x in ((0.0, 8e6), (0.1, 7.9e6))
+    ]
+    if motion := motion_of(views, ground_under(forest, views[0].eye)):
+        predict(views[1], motion, 1.0)

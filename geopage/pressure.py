@@ -34,6 +34,10 @@ class MemoryPressure:
             self.factor = max(self.factor / STEP, 1.0)
         return self.factor != before
 
+    def try_again(self) -> None:
+        """Let the factor fall for any view: what is asked for has changed."""
+        self._raised_for = None
+
     def _may_fall(self, view: ViewState) -> bool:
         return self._raised_for is None or not same_pose(self._raised_for, view)
 

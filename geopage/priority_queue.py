@@ -35,11 +35,24 @@ class _Requests:
     def length(self) -> int:
         return len(self.pending) - self.next
 
+    @property
+    def best(self) -> float:
+        """Rank of what is popped next, infinity when nothing is pending."""
+        return float(self.rank[self.pending[self.next]]) if self.length else np.inf
+
 
 class PriorityQueue:
-    """Pending requests of both lanes, best rank first. Thread: any."""
+    """Pending requests of both lanes, best rank first. Thread: any.
 
-    def __init__(self, counts: Mapping[Lane, int]) -> None:
+    Parameters
+    ----------
+    counts : rows of each lane
+    one_line : all lanes read through one slow line: a lane has its turn when its best
+        request is the best of all
+    """
+
+    def __init__(self, counts: Mapping[Lane, int], *, one_line: bool = False) -> None:
+        self._one_line = one_line
         self._lanes = {lane: _Requests(count) for lane, count in counts.items()}
         self._changed = threading.Condition()
         self._closed = False
@@ -62,7 +75,7 @@ class PriorityQueue:
             state.rank[rows] = ranks
             old = state.pending[state.next :]
             state.pending, state.next = rows[state.taken[rows] == 0], 0
-            if state.length:
+            if state.length or self._one_line:
                 self._changed.notify_all()
             return np.asarray(old[state.wanted[old] != state.generation])
 
@@ -70,12 +83,21 @@ class PriorityQueue:
         """Take the lane's best request, or None; the row is taken until `done`."""
         with self._changed:
             state = self._lanes[lane]
-            if self._closed or not state.length:
+            if self._closed or not self._has_turn(lane):
                 return None
             row = int(state.pending[state.next])
             state.next += 1
             state.taken[row] = 1
+            if self._one_line:
+                self._changed.notify_all()
             return row
+
+    def _has_turn(self, lane: Lane) -> bool:
+        """Say whether the lane's best request may be popped. The lock is held."""
+        state = self._lanes[lane]
+        if not (self._one_line and state.length):
+            return state.length > 0
+        return state.best <= min(other.best for other in self._lanes.values())
 
     def done(self, lane: Lane, row: int) -> None:
         """Let a taken row be asked for again: it was dropped, or its tile is gone."""
@@ -87,9 +109,11 @@ class PriorityQueue:
         state = self._lanes[lane]
         return bool(state.wanted[row] == state.generation)
 
-    def rank(self, lane: Lane, row: int) -> float:
-        """Return the newest rank of a row, infinity when it is not wanted."""
-        return float(self._lanes[lane].rank[row]) if self.is_wanted(lane, row) else np.inf
+    def ranks(self, lane: Lane, rows: Rows) -> F8:
+        """Return the newest ranks of rows, (w,), infinity where one is not wanted."""
+        state = self._lanes[lane]
+        wanted = state.wanted[rows] == state.generation
+        return np.where(wanted, state.rank[rows], np.inf)
 
     def taken(self, lane: Lane, rows: Rows) -> NDArray[np.bool_]:
         """Say which rows are taken, (w,)."""
@@ -102,9 +126,10 @@ class PriorityQueue:
     def wait(self, lane: Lane, timeout_s: float | None = None) -> bool:
         """Wait until a request of the lane is pending; False when closed or too late."""
         with self._changed:
-            state = self._lanes[lane]
-            self._changed.wait_for(lambda: self._closed or state.length > 0, timeout_s)
-            return not self._closed and state.length > 0
+            self._changed.wait_for(
+                lambda: self._closed or self._has_turn(lane), timeout_s
+            )
+            return not self._closed and self._has_turn(lane)
 
     @property
     def nbytes(self) -> int:

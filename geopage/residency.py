@@ -12,12 +12,15 @@ indivisible. Everything else runs under the lock, for microseconds.
 
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.eviction import Leaving, first_to_go
+from geopage.line_rate import LineRate
 from geopage.metrics import Counters
 from geopage.priority_queue import PriorityQueue
 from geopage.tile_state import State, advance
@@ -27,8 +30,6 @@ from tiles.forest import Rows
 from tiles.lanes import Lane
 
 Key = tuple[Lane, int]
-Leaving = Callable[[Lane, Rows, NDArray[np.int64]], F8]
-"""Orders tiles that may go, the smallest first: see `geopage.policies`."""
 PINNED = np.iinfo(np.int64).max
 PINNED_LEVELS = 2
 SLACK_SHARE = 64
@@ -53,10 +54,13 @@ class Residency:
         leaving: Leaving = least_recently_used,
     ) -> None:
         self.counters = Counters()
+        self.rate = LineRate()
         self.budget_bytes = budget_bytes
         self.index_bytes = 0
         self.number = 0
         """number of the newest snapshot, and of the list made from it"""
+        self.undrawn = 0
+        """number of the newest list that was not published: not all zones are there"""
         self.stuck: dict[Lane, bool] = {}
         """the lane's best request finds no room, and nothing may go"""
         self.has_failures = False
@@ -68,7 +72,8 @@ class Residency:
         """what the renderer has done: tile is uploaded, or absent (dropped, freed)"""
         self._lock = threading.Lock()
         self._queue = queue
-        self._leaving = leaving
+        self.leaving = leaving
+        """the policy's order among tiles that may go"""
         self._tables = {lane: LaneTable(tree) for lane, tree in trees.items()}
         self._bytes = dict.fromkeys(State, 0)
         self._peak_bytes = 0
@@ -164,6 +169,10 @@ class Residency:
         """Return the state of a tile."""
         return State(int(self._tables[lane].state[row]))
 
+    def states(self, lane: Lane) -> U1:
+        """Return the states of a lane's tiles, (n,)."""
+        return self._tables[lane].state.copy()
+
     def failed(self, lane: Lane, rows: Rows) -> NDArray[np.bool_]:
         """Say which tiles can't be had, (w,)."""
         return np.asarray(self._tables[lane].state[rows] == State.FAILED)
@@ -215,6 +224,11 @@ class Residency:
         with self._lock:
             self.counters.bytes_read += stored_bytes
 
+    def timed(self, stored_bytes: int, asked_s: float, done_s: float) -> None:
+        """Say how long a tile took to come. Thread: servers."""
+        with self._lock:
+            self.rate.timed(stored_bytes, asked_s, done_s)
+
     def used(self, lane: Lane, rows: Rows, number: int) -> None:
         """Say that list `number` needs these tiles. Thread: scene manager."""
         last = self._tables[lane].last_used
@@ -234,13 +248,14 @@ class Residency:
         kept = False
         with self._lock:
             state = self._tables[lane].state
-            for row in rows[state[rows] == State.RELEASING].tolist():
+            back = {(lane, row) for row in rows[state[rows] == State.RELEASING].tolist()}
+            entries = list(self.released) if back else []
+            for entry in [one for one in entries if one[1:] in back]:
                 try:
-                    at = [entry[1:] for entry in list(self.released)].index((lane, row))
-                    self.released.remove(self.released[at])
+                    self.released.remove(entry)
                 except (ValueError, IndexError):
                     continue  # the renderer was faster
-                self._move(lane, row, State.UPLOADED)
+                self._move(lane, entry[2], State.UPLOADED)
                 kept = True
         return kept
 
@@ -262,23 +277,19 @@ class Residency:
             if missing <= 0:
                 return False
             missing += self.budget_bytes // SLACK_SHARE
-            oldest = self._oldest(older_than)
-            for lane, row in oldest:
-                if missing <= 0:
-                    break
-                self._move(lane, row, State.RELEASING)
-                self.released.append((self.number + 1, lane, row))
-                missing -= int(self._tables[lane].cost[row])
-            return bool(oldest)
+            oldest = first_to_go(self._tables, self.leaving, older_than, missing)
+            for lane, rows in oldest.items():
+                self._evict(lane, rows)
+            return any(len(rows) for rows in oldest.values())
 
-    def _oldest(self, older_than: int) -> list[Key]:
-        """List what may go, in the policy's order."""
-        found: list[tuple[float, Lane, int]] = []
-        for lane, table in self._tables.items():
-            rows = table.unneeded(older_than)
-            order = self._leaving(lane, rows, table.last_used[rows]).tolist()
-            found += zip(order, [lane] * len(rows), rows.tolist(), strict=True)
-        return [(lane, row) for _, lane, row in sorted(found)]
+    def _evict(self, lane: Lane, rows: Rows) -> None:
+        """Let uploaded tiles go as soon as no list draws them. The lock is held."""
+        table = self._tables[lane]
+        table.state[rows] = State.RELEASING
+        freed = int(table.cost[rows].sum())
+        self._bytes[State.UPLOADED] -= freed
+        self._bytes[State.RELEASING] += freed
+        self.released.extend(zip(repeat(self.number + 1), repeat(lane), rows.tolist()))
 
     def memory(self) -> dict[str, int]:
         """Return the bytes of each kind, and the most that were ever taken together."""

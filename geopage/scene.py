@@ -34,7 +34,6 @@ class SceneInputs:
 
     forests: Mapping[Lane, Forest]
     trees: Mapping[Lane, Tree]
-    limits: Thresholds
     fade_s: float
     """how long objects take to turn into others"""
     shutter_s: float
@@ -52,6 +51,7 @@ class SceneManager:
         residency: Residency,
         managers: Mapping[Lane, TileManager],
         policy: Policy,
+        limits: Thresholds,
     ) -> None:
         self.lists: TripleBuffer[DrawList | None] = TripleBuffer(None)
         room_bytes = residency.budget_bytes - residency.index_bytes - residency.pinned_bytes
@@ -62,11 +62,30 @@ class SceneManager:
         self._residency = residency
         self._managers = managers
         self._policy = policy
+        self._limits = self._limits_before = limits
         self._previous: Selection | None = None
         self._newest: ViewState | None = None
         self._newest_s = 0.0
         self._transitions = Transitions(world.fade_s)
         self._moving = False
+        self._busy = False
+        self._whole = False
+        self._destination: ViewState | None = None
+
+    def set_policy(self, policy: Policy) -> None:
+        """Plan by another policy from now on; the newest counts. Thread: any."""
+        self._policy = policy
+        self._signal.set()
+
+    def set_destination(self, view: ViewState | None) -> None:
+        """Say where the eye is going, or that nobody knows. Thread: any."""
+        self._destination = view
+        self._signal.set()
+
+    def set_limits(self, limits: Thresholds) -> None:
+        """Select for other thresholds from now on; the newest counts. Thread: any."""
+        self._limits = limits
+        self._signal.set()
 
     def step(self, now_s: float) -> bool:
         """Publish a draw list for the newest view, if anything has changed.
@@ -77,18 +96,31 @@ class SceneManager:
         """
         stopped = self._moving and now_s - self._newest_s >= REST_S
         faded = now_s >= self._transitions.ends_s
-        if not (self._signal.clear() or stopped or faded):
-            return False
-        if not (history := self._views.history()):
-            return False
+        self._busy = True  # before the flag goes down
+        try:
+            asked = self._signal.clear() or stopped or faded
+            history = self._views.history() if asked else []
+            if history:
+                self._select(history, now_s)
+            return bool(history)
+        finally:
+            self._busy = False
+
+    @property
+    def idle(self) -> bool:
+        """Whether the newest list is of all that has been said. Thread: any."""
+        return not (self._signal.raised or self._busy)
+
+    def _select(self, history: list[ViewState], now_s: float) -> None:
         view = history[-1]
         if view is not self._newest:
-            self._newest, self._newest_s, stopped = view, now_s, False
+            self._newest, self._newest_s = view, now_s
         floor_m = ground_under(self._world.forests[Lane.TERRAIN], view.eye)
-        motion = None if stopped else motion_of(history, floor_m)
+        rests = now_s - self._newest_s >= REST_S
+        motion = None if rests else motion_of(history, floor_m)
         self._moving = motion is not None
         number, uploaded = self._residency.snapshot()
-        limits = self._world.limits.times(self.pressure.factor)
+        limits = self._thresholds()
         chosen = self._choose(view, motion, uploaded, limits)
         world = self._world
         plan = self._policy.plan(
@@ -102,6 +134,8 @@ class SceneManager:
                 limits,
                 world.shutter_s,
                 chosen,
+                self._destination,
+                self._residency.rate.bytes_per_s,
             )
         )
         self._book(number, chosen, plan)
@@ -113,10 +147,19 @@ class SceneManager:
             sweep = sweep_of(view, motion, self._world.shutter_s)
             newest = chosen.draw_list(number, view, limits, sweep, settled=settled)
             self._publish(newest, uploaded[Lane.OBJECTS], now_s)
+        else:
+            self._residency.undrawn = number
         self._views.rest(None if motion else view)
         if adjusted:
             self._signal.set()
-        return True
+
+    def _thresholds(self) -> Thresholds:
+        """Return the newest thresholds, raised when memory is short."""
+        limits = self._limits
+        if limits is not self._limits_before:
+            self._limits_before = limits
+            self.pressure.try_again()
+        return limits.times(self.pressure.factor)
 
     def wait_s(self, now_s: float) -> float | None:
         """Return after which time to step again although nothing new was said."""
@@ -135,10 +178,10 @@ class SceneManager:
     ) -> Selection:
         # Stuck: finer tiles from before fill the memory that the coarser ones need.
         stuck = any(self._residency.stuck.values())
-        refined = None if stuck or self._previous is None else self._previous.refined
+        before = None if stuck or self._previous is None else self._previous.made
         lens = self._lens(view, motion)
         ahead = self._when_drawn(view, motion)
-        self._previous = select(self._world.trees, lens, uploaded, limits, refined, ahead)
+        self._previous = select(self._world.trees, lens, uploaded, limits, before, ahead)
         return self._previous
 
     def _lens(self, view: ViewState, motion: Motion | None) -> Lens:
@@ -185,9 +228,12 @@ class SceneManager:
 
     def _has_globe(self, uploaded: Flags) -> bool:
         """Say whether all zones can be drawn, as far as they can be had at all."""
-        roots: Rows = self._world.trees[Lane.TERRAIN].roots
-        there = uploaded[Lane.TERRAIN][roots] > 0
-        return bool(np.all(there | self._residency.failed(Lane.TERRAIN, roots)))
+        if not self._whole:  # then it stays so: they are pinned
+            roots: Rows = self._world.trees[Lane.TERRAIN].roots
+            there = uploaded[Lane.TERRAIN][roots] > 0
+            there |= self._residency.failed(Lane.TERRAIN, roots)
+            self._whole = bool(there.all())
+        return self._whole
 
 
 def empty_list(view: ViewState, limits: Thresholds) -> DrawList:

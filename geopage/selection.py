@@ -61,8 +61,8 @@ class Selection:
     wants: dict[Lane, Wants]
     keep: dict[Lane, Rows]
     """uploaded or not: rows that the view draws, or will draw when they come"""
-    refined: U1
-    """(n,) terrain rows below which it went on; input of the next selection"""
+    made: Mapping[Lane, U1]
+    """(n,) what it made of each cell; input of the next selection"""
     needed_bytes: int
     """memory of what the view will draw when all is there"""
 
@@ -102,7 +102,7 @@ def select(
     lens: Lens,
     uploaded: Flags,
     limits: Thresholds,
-    refined: U1 | None = None,
+    before: Mapping[Lane, U1] | None = None,
     ahead: Lens | None = None,
 ) -> Selection:
     """Choose what to draw now and what to load for later.
@@ -113,16 +113,25 @@ def select(
     lens : the view, with its cone widened by the turn rate
     uploaded : for each lane, (n,) 1 where the tile can be drawn
     limits : thresholds, px
-    refined : the last selection's; with it detail changes with hysteresis and stays
+    before : what the last selection made; with it detail changes with hysteresis and stays
         while coarser tiles are on their way
     ahead : where the view will be while the list is drawn, for the objects: what grows
         above the threshold meanwhile is then in the list; by default the same as `lens`
     """
     land, town = trees[Lane.TERRAIN], trees[Lane.OBJECTS]
-    before = np.zeros(len(land.parent), np.uint8) if refined is None else refined
-    ground = select_terrain(land, lens, limits.terrain_px, uploaded[Lane.TERRAIN], before)
+    made = before or {
+        lane: np.zeros(len(tree.parent), np.uint8) for lane, tree in trees.items()
+    }
+    ground = select_terrain(
+        land, lens, limits.terrain_px, uploaded[Lane.TERRAIN], made[Lane.TERRAIN]
+    )
     things = select_objects(
-        town, ahead or lens, limits.terrain_px, limits.objects_px, uploaded[Lane.OBJECTS]
+        town,
+        ahead or lens,
+        limits.terrain_px,
+        limits.objects_px,
+        uploaded[Lane.OBJECTS],
+        made[Lane.OBJECTS],
     )
     terrain_wants = Wants(
         ground.wanted, ground.benefit, ground.error_px, len(ground.wanted)
@@ -142,7 +151,7 @@ def select(
             Lane.TERRAIN: np.concatenate((ground.drawn, ground.targets)),
             Lane.OBJECTS: np.concatenate((things.drawn, things.needed)),
         },
-        ground.refined,
+        {Lane.TERRAIN: ground.refined, Lane.OBJECTS: things.made},
         int(needed_bytes),
     )
 
@@ -174,4 +183,4 @@ def warm_up() -> None:
     view = ViewState(0.0, Ecef(np.array((1e7, 0.0, 0.0))), np.eye(3), 500.0, 640, 480)
     trees = trees_of(dict.fromkeys(Lane, forest))
     for flags in (everything(trees), {lane: np.zeros(1, np.uint8) for lane in Lane}):
-        select(trees, lens_of(view), flags, Thresholds(1.0, 1.0), np.zeros(1, np.uint8))
+        select(trees, lens_of(view), flags, Thresholds(1.0, 1.0))

@@ -5,6 +5,7 @@ Whether the tile is still wanted is asked before the read and before the decodin
 checksums and decompression release the GIL.
 """
 
+from collections import deque
 from collections.abc import Callable, MutableSequence
 
 import numpy as np
@@ -15,6 +16,9 @@ from geopage.residency import Residency
 from geopage.source import TileSource
 from tiles.errors import TileFault
 from tiles.lanes import Lane
+
+MOST_ASKED = 8
+"""Tiles on a slow line at a time: their latency passes side by side."""
 
 
 class TileServer:
@@ -47,7 +51,10 @@ class TileServer:
         self._queue = queue
         self._residency = residency
         self._faults = faults
-        self._asked: tuple[int, float] | None = None
+        self._asked: deque[tuple[int, float, float]] = deque()
+        """row, when it was asked for, when it can be read; the first is read first"""
+        self._done: tuple[int, float] | None = None
+        """bytes of the tile that has just come, and when it was asked for"""
 
     def step(self, now_s: float) -> float | None:
         """Do the next thing for the best request.
@@ -56,26 +63,28 @@ class TileServer:
         -------
         Seconds until the next step can do something, or None when nothing is pending.
         """
-        if self._asked is None and not self._ask(now_s):
-            return None
-        if self._asked is None:
+        if self._done is not None:
+            self._residency.timed(*self._done, now_s)
+            self._done = None
+        if self._asked and now_s >= self._asked[0][2]:
+            self._load(*self._asked.popleft()[:2])
             return 0.0
-        row, ready_s = self._asked
-        if self._is_stale(row):
+        free_s = self.source.free_s(now_s)
+        if now_s >= free_s and len(self._asked) < MOST_ASKED and self._ask(now_s):
             return 0.0
-        if now_s < ready_s:
-            return ready_s - now_s
-        self._load(row)
-        self._asked = None
-        return 0.0
+        waits = [self._asked[0][2]] if self._asked else []
+        if free_s > now_s and self._queue.pending(self.lane):
+            waits.append(free_s)
+        return min(waits) - now_s if waits else None
 
     def _ask(self, now_s: float) -> bool:
-        """Take the best request; False when there is none."""
+        """Take the best request; False when there is none that may be asked for now."""
         row = self._queue.pop(self.lane)
         if row is None:
             return False
         if not self._is_stale(row) and self._residency.reserve(self.lane, row):
-            self._asked = row, self.source.ready_s(self._records[row], now_s)
+            ready_s = self.source.ready_s(self._records[row], now_s)
+            self._asked.append((row, now_s, ready_s))
         return True
 
     def _is_stale(self, row: int) -> bool:
@@ -83,10 +92,12 @@ class TileServer:
         if self._queue.is_wanted(self.lane, row):
             return False
         self._residency.drop(self.lane, row)
-        self._asked = None
         return True
 
-    def _load(self, row: int) -> None:
+    def _load(self, row: int, asked_s: float) -> None:
+        self._done = int(self._records[row]["tile_bytes"]), asked_s
+        if self._is_stale(row):
+            return
         try:
             body = self.source.read(self._records[row])
             self._residency.count_read(len(body))

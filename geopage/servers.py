@@ -9,14 +9,13 @@ from geopage.priority_queue import PriorityQueue
 from geopage.residency import Residency
 from geopage.server import TileServer
 from geopage.source import (
+    DECODERS,
     Line,
     SizeSource,
     StoreSource,
     ThrottledSource,
     TileSource,
-    decoders,
 )
-from geopage.styling import Styling
 from tiles.forest import Forest
 from tiles.lanes import Lane
 
@@ -28,7 +27,6 @@ class Supply:
     path: Path
     line: Line | None
     """that all reads share; None: nothing but the disk"""
-    styling: Styling | None
     dry: bool
     """Read nothing: bodies are as long as the index says, and there is nothing in them."""
 
@@ -39,7 +37,7 @@ class Supply:
 
     def decode(self, lane: Lane) -> Callable[[bytes], object]:
         """Return what makes one lane's tiles."""
-        return (lambda body: body) if self.dry else decoders(self.styling)[lane]
+        return (lambda body: body) if self.dry else DECODERS[lane]
 
 
 def servers_of(

@@ -9,7 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from geopage.settings import MIB, Throttle
-from geopage.styling import Styling
 from tiles import objects, terrain
 from tiles.lanes import Lane
 from tiles.objects import ObjectTile
@@ -19,18 +18,18 @@ from tiles.terrain import TerrainTile
 Decode = Callable[[bytes], TerrainTile | ObjectTile]
 
 
-def decoders(styling: Styling | None = None) -> dict[Lane, Decode]:
-    """Return what makes tiles of stored bodies, objects in their colours."""
-
-    def styled(body: bytes) -> ObjectTile:
-        tile = objects.decode(body)
-        return styling.styled(tile) if styling else tile
-
-    return {Lane.TERRAIN: terrain.decode, Lane.OBJECTS: styled}
+DECODERS: dict[Lane, Decode] = {
+    Lane.TERRAIN: terrain.decode,
+    Lane.OBJECTS: objects.decode,
+}
+"""What makes tiles of stored bodies."""
 
 
 class TileSource(Protocol):
     """Stored bodies, for one server. Thread: the one that reads."""
+
+    def free_s(self, now_s: float) -> float:
+        """Say from when on a tile may be asked for: sooner would only be a longer queue."""
 
     def ready_s(self, record: np.void, now_s: float) -> float:
         """Say when a tile, named by its INDEX record and asked for now, can be read."""
@@ -49,6 +48,10 @@ class StoreSource:
         self._path = path
         self._lane = lane
         self._store: Store | None = None
+
+    def free_s(self, now_s: float) -> float:
+        """Return `now_s`: the disk is asked when it is read."""
+        return now_s
 
     def ready_s(self, record: np.void, now_s: float) -> float:  # noqa: ARG002 (the protocol's)
         """Return `now_s`: nothing to wait for but the disk itself."""
@@ -70,6 +73,10 @@ class StoreSource:
 
 class SizeSource:
     """Bodies of the right size without content, for paging that nobody draws."""
+
+    def free_s(self, now_s: float) -> float:
+        """Return `now_s`: there is nothing to wait for."""
+        return now_s
 
     def ready_s(self, record: np.void, now_s: float) -> float:  # noqa: ARG002 (the protocol's)
         """Return `now_s`: there is nothing to wait for."""
@@ -95,15 +102,16 @@ class Line:
         """of all transfers that have been booked"""
         self._bytes_per_s = throttle.mib_per_s * MIB
         self._latency_s = throttle.latency_ms / 1000
-        self._free_s = -np.inf
+        self.free_s = -np.inf
+        """when the last byte of all that has been booked is on its way"""
         self._lock = threading.Lock()
 
     def arrives_s(self, size_bytes: int, now_s: float) -> float:
         """Book a transfer and return when its last byte arrives."""
         with self._lock:
             self.carried_bytes += size_bytes
-            self._free_s = max(self._free_s, now_s) + size_bytes / self._bytes_per_s
-            return float(self._free_s + self._latency_s)
+            self.free_s = max(self.free_s, now_s) + size_bytes / self._bytes_per_s
+            return float(self.free_s + self._latency_s)
 
 
 class ThrottledSource:
@@ -112,6 +120,10 @@ class ThrottledSource:
     def __init__(self, source: TileSource, line: Line) -> None:
         self._source = source
         self._line = line
+
+    def free_s(self, now_s: float) -> float:
+        """Return when the line has carried what it was asked for."""
+        return max(self._line.free_s, self._source.free_s(now_s))
 
     def ready_s(self, record: np.void, now_s: float) -> float:
         """Return when the tile's stored bytes have come through the line."""

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A style applied to one store: an entry of the palette for each object.
 
-The entries are written into the vertices of object tiles as these are decoded; a proxy
-gets the entry of the objects that it stands for: the commonest category, or the mean of
-the ramp, each object weighted by the square of its bounding dimension.
+A proxy gets the entry of the objects that it stands for: the commonest category, or the
+mean of the ramp, each object weighted by the square of its bounding dimension.
 """
 
-from dataclasses import replace
 from itertools import islice
 from typing import Any
 
@@ -20,12 +18,12 @@ from geopage.style import Style
 from tiles import cells
 from tiles.errors import InputError
 from tiles.frames import Ints
-from tiles.mesh import Mesh
-from tiles.objects import PROXY_ORDINAL, ObjectTile
+from tiles.kernels import kernel
 from tiles.store import Store
 
 ROWS_AT_ONCE = 20_000
 ENTRIES = 256
+U1 = NDArray[np.uint8]
 
 
 class Styling:
@@ -51,39 +49,53 @@ class Styling:
         self._of_id = np.full(int(number.max()) + 2, MISSING_ENTRY, np.uint8)
         self._of_id[number] = scale.entry
 
-    def styled(self, tile: ObjectTile) -> ObjectTile:
-        """Return a tile with its style in the vertices; all arrays are copies.
+    def of_objects(self, number: Ints) -> U1:
+        """Return the entries of objects by their ids, (n,).
 
-        The decompressed bytes are not kept, so a styled tile takes no more memory.
+        Who came after the style was made is missing.
         """
-        vertices, indices = tile.mesh.vertices.copy(), tile.mesh.indices.copy()
-        own = np.zeros(PROXY_ORDINAL + 1, np.uint8)
-        # Who came after the style was made is missing.
-        number = np.minimum(tile.objects["id"], len(self._of_id) - 1)
-        own[: len(number)] = self._of_id[number]
-        entry = own[vertices["detail"][:, 1]]
-        for proxy in tile.proxies:
-            span = indices[proxy["index_start"] : proxy["index_end"]]
-            child = cells.children(tile.cell)[proxy["child"]]
-            entry[span] = self.of_subtree(int(child))
-        vertices["normal"][:, 3] = entry.view(np.int8)
-        mesh = Mesh(tile.mesh.centre, tile.mesh.scale_m, vertices, indices)
-        objects, proxies = tile.objects.copy(), tile.proxies.copy()
-        return replace(tile, mesh=mesh, objects=objects, proxies=proxies)
+        return self._of_id[np.minimum(number, len(self._of_id) - 1)]
 
-    def of_subtree(self, cell: int) -> int:
-        """Return the entry that stands for all objects at or below a cell."""
-        ends = int(cells.range_min(cell)), int(cells.range_max(cell)) + 1
-        first, last = np.searchsorted(self._cell, ends)
-        weight = np.bincount(
-            self._entry[first:last], self._weight[first:last], minlength=ENTRIES
-        )
-        if not self._is_ramp:
-            return int(weight.argmax()) or MISSING_ENTRY
-        valued = weight[FIRST:]
-        if not valued.any():
-            return MISSING_ENTRY
-        return FIRST + round(float(valued @ np.arange(len(valued)) / valued.sum()))
+    def of_children(self, cell: Ints) -> U1:
+        """Return the entries that stand for all objects at or below cells' children.
+
+        Parameters
+        ----------
+        cell : (n,) above the deepest level
+
+        Returns
+        -------
+        entries : (n, 4) by child
+        """
+        children = np.asarray(cells.children(cell)).ravel()
+        first = np.searchsorted(self._cell, np.asarray(cells.range_min(children)))
+        last = np.searchsorted(self._cell, np.asarray(cells.range_max(children)), "right")
+        own = self._entry, self._weight
+        return together(first, last, *own, self._is_ramp).reshape(-1, 4)
+
+
+@kernel
+def together(
+    first: Ints,
+    last: Ints,
+    entry: U1,
+    weight: NDArray[np.float32],
+    is_ramp: bool,  # noqa: FBT001
+) -> U1:
+    """Return the entry that stands for each of some ranges of objects, (r,)."""
+    found = np.empty(len(first), np.uint8)
+    for r in range(len(first)):
+        weights = np.zeros(ENTRIES, np.float64)
+        for i in range(first[r], last[r]):
+            weights[entry[i]] += weight[i]
+        found[r] = MISSING_ENTRY
+        valued = weights[FIRST:].sum()
+        if is_ramp and valued > 0.0:
+            mean = (weights[FIRST:] * np.arange(ENTRIES - FIRST)).sum() / valued
+            found[r] = FIRST + round(mean)
+        elif not is_ramp and first[r] < last[r]:
+            found[r] = weights.argmax()
+    return found
 
 
 def styling_of(store: Store, style: Style) -> Styling:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One view of the world: where the eye is, how it is turned, how sharp it sees."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,13 @@ class ViewState:
     """height_px / (2 tan(fov_y / 2)): pixels per radian on the axis"""
     width_px: int
     height_px: int
+
+    def __post_init__(self) -> None:
+        # Kernels would look for the cell of a place that is none. The sum of numbers is
+        # finite only where all of them are.
+        whole = self.t_s + self.focal_px + self.eye.sum() + self.rotation.sum()
+        if not math.isfinite(whole):
+            raise ValueError("view: expected finite numbers")
 
     @property
     def forward(self) -> NDArray[np.float64]:

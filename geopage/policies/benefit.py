@@ -1,12 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our own: screen error removed for each byte read, now and a little ahead.
+"""Our own: bytes go where they make pictures good, in the time that there is.
 
-What the newest view misses comes first, by `geopage.benefit.ranks`; then what the views
-of half a second and of a second ahead will miss, by the same measure. Least recently
-used goes first.
+While the line keeps up, what the newest view misses comes first, by the screen error
+that each byte removes, and what the views of half a second and of a second ahead miss
+comes after it: every pixel keeps its threshold.
+
+A slow line is planned `AHEAD_S` on, along the predicted path, at the rate at which tiles
+come (measured): what will be seen when the bytes have arrived is asked for, and not what
+is seen now. Each picture ahead has goals: its terrain good by area, all its objects, and
+for pictures that can't be good in time the same at a few times the threshold. Goals that
+can be met are read in the order in which they are due; see `geopage.schedule`. Both lanes
+share one line and one rank. The rest of what the newest view misses comes after that.
+
+Least recently used goes first.
 """
 
-from geopage.benefit import merged_ranks
+from collections.abc import Sequence
+
+import numpy as np
+
+from geopage.benefit import LATER, merged_ranks, ranks
+from geopage.ground_needs import Needs, Work, ground_needs_of, work_of
+from geopage.object_needs import object_needs_of
+from geopage.outlook import Ahead, outlook
 from geopage.policies.protocol import (
     LeastRecentlyUsed,
     PageRequests,
@@ -15,19 +31,110 @@ from geopage.policies.protocol import (
     Situation,
 )
 from geopage.prediction import AHEAD, predict
+from geopage.schedule import UNMET, Line, Marks, choose, line_of, marks_of, ranked
 from geopage.selection import Selection
+from geopage.tree import F8
+from tiles.forest import Rows
 from tiles.lanes import Lane
+
+AHEAD_S = np.array(
+    (0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1, 1.3, 1.6, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8)
+)
+GOALS = 4
+"""Of each picture: at 1, 4, 16 and 64 times the threshold."""
+LAG_S = 0.05
+"""From the last byte of a tile until it is drawn: decoding, upload, a list, a frame."""
+SHARES = (0.9, 1.0, 1.0, 1.0)
+"""Of the line that each goal may take: coarser pictures until then take the rest."""
+OBJECTS_SHARE = 0.5
+"""Likewise for objects: terrain that is not foreseen yet will need the line, too."""
+TIGHT = 0.3
+"""A line of which no goal takes more than this share keeps up."""
+FAST_BYTES_S, FAST_S = 8e6, 0.02
+"""A line that brings so many bytes a second, and all that is missing in so short a time,
+keeps up."""
 
 
 class Benefit(LeastRecentlyUsed):
-    """Benefit for each byte, with prediction in spare bandwidth."""
+    """What makes the most pictures good for the bytes that can be read."""
 
     def __init__(self) -> None:
         self._turn = 0
         self._later: dict[float, Selection] = {}
+        self._work: Work | None = None
+        self._marks: dict[Lane, Marks] = {}
 
     def plan(self, seen: Situation) -> Plan:
-        """Rank what is missing now and at predicted views."""
+        """Rank what is missing."""
+        planned = None if self._is_fast(seen) else self._plan_line(seen)
+        plan = planned or self._plan_spare(seen)
+        return self._with_destination(seen, plan) if seen.destination else plan
+
+    @staticmethod
+    def _is_fast(seen: Situation) -> bool:
+        wants, trees = seen.chosen.wants, seen.trees
+        missing = sum(int(trees[lane].tile_bytes[wants[lane].rows].sum()) for lane in Lane)
+        rate = seen.bytes_per_s
+        return rate >= FAST_BYTES_S and missing <= FAST_S * rate
+
+    def ahead(self, seen: Situation) -> Ahead:
+        """Return the views of the next seconds."""
+        return outlook(seen.view, seen.motion, seen.floor_m, AHEAD_S)
+
+    def _plan_line(self, seen: Situation) -> Plan | None:
+        """Plan a slow line; None when it keeps up."""
+        if self._work is None:
+            self._work = work_of(seen.trees[Lane.TERRAIN])
+            self._marks = {lane: marks_of(len(t.parent)) for lane, t in seen.trees.items()}
+        ahead, limits = self.ahead(seen), seen.limits
+        land, town = seen.trees[Lane.TERRAIN], seen.trees[Lane.OBJECTS]
+        needs = {
+            Lane.TERRAIN: ground_needs_of(
+                land,
+                seen.uploaded[Lane.TERRAIN],
+                ahead,
+                limits.terrain_px,
+                GOALS,
+                self._work,
+            ),
+            Lane.OBJECTS: object_needs_of(
+                town,
+                seen.uploaded[Lane.OBJECTS],
+                ahead,
+                seen.lens(seen.view),
+                limits.terrain_px,
+                limits.objects_px,
+            ),
+        }
+        line = line_of(ahead.ahead_s, seen.bytes_per_s, LAG_S)
+        self._choose(seen, needs, line)
+        tight = bool((line.brought_bytes > TIGHT * line.room_bytes).any())
+        requests: Requests = {}
+        for lane, tree in seen.trees.items():
+            found = ranked(needs[lane], tree.tile_bytes, line, self._marks[lane])
+            requests[lane] = self._requests(seen, lane, *found)
+            tight |= bool(found[1].max(initial=0.0) > UNMET / 2)
+        return Plan(requests, [{lane: needs[lane].keep for lane in Lane}]) if tight else None
+
+    def _choose(self, seen: Situation, needs: dict[Lane, Needs], line: Line) -> None:
+        """Choose terrain's goals, the finest first, then those of objects."""
+        views = np.arange(len(line.room_bytes), dtype=np.int32)
+        land, town = (seen.trees[lane].tile_bytes for lane in Lane)
+        ground, things = needs[Lane.TERRAIN], needs[Lane.OBJECTS]
+        left, due = views, self._marks[Lane.TERRAIN].due
+        for goal, share in enumerate(SHARES):
+            met = choose(ground, left * GOALS + goal, share, land, line, due)
+            left = left[~met]
+        due = self._marks[Lane.OBJECTS].due
+        choose(things, views, OBJECTS_SHARE, town, line, due)
+
+    @staticmethod
+    def _requests(seen: Situation, lane: Lane, rows: Rows, keys: F8) -> PageRequests:
+        """Add the rest of what the newest view misses."""
+        wants = seen.chosen.wants[lane]
+        return merged([(rows, keys), (wants.rows, 2 * UNMET + ranks(wants))])
+
+    def _plan_spare(self, seen: Situation) -> Plan:
         later = self._look_ahead(seen)
         requests: Requests = {}
         for lane in Lane:
@@ -46,3 +153,25 @@ class Benefit(LeastRecentlyUsed):
         soon = predict(seen.view, seen.motion, ahead_s)
         self._later[weight] = seen.look(seen.lens(soon))
         return list(self._later.items())
+
+    @staticmethod
+    def _with_destination(seen: Situation, plan: Plan) -> Plan:
+        """Add what the destination misses, after everything else."""
+        assert seen.destination is not None
+        there = seen.look(seen.lens(seen.destination))
+        requests: Requests = {}
+        for lane, asked in plan.requests.items():
+            wants = there.wants[lane]
+            last = 4 * UNMET + LATER + ranks(wants)
+            more = merged([(asked.rows, asked.ranks), (wants.rows, last)])
+            requests[lane] = PageRequests(more.rows, more.ranks, asked.now)
+        return Plan(requests, [*plan.keep, there.keep])
+
+
+def merged(groups: Sequence[tuple[Rows, F8]]) -> PageRequests:
+    """Return the rows of groups by rank, each once, by its first group."""
+    rows = np.concatenate([rows for rows, _ in groups])
+    keys = np.concatenate([keys for _, keys in groups])
+    _, first = np.unique(rows, return_index=True)
+    order = first[np.argsort(keys[first], kind="stable")]
+    return PageRequests(rows[order], keys[order], len(order))

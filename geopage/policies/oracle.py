@@ -2,10 +2,11 @@
 """Clairvoyant: knows the flight and the line, and makes as many frames good as it can.
 
 The reference for the others, not a way to page. The views of the whole flight are known,
-and with them the tiles that each draws when all is there. Frames are chosen greedily:
-again and again the one whose missing tiles have the fewest bytes, if the line can still
-bring every chosen frame's tiles before its time (deadlines, earliest first, which is
-exact). First frames whose terrain is whole, then frames that are whole. So it is a very
+and with them the fewest tiles that make each good by area (`geopage.ground_needs`), and
+the object tiles that it draws when all is there. Frames are chosen greedily: again and
+again the one whose missing tiles have the fewest bytes, if the line can still bring every
+chosen frame's tiles before its time (deadlines, earliest first, which is exact). First
+frames whose terrain is good, then those that have their objects, too. So it is a very
 good choice of frames, not a proven best. What is not chosen comes when nothing else is
 to be read. Without a throttle every frame is chosen.
 
@@ -17,6 +18,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.ground_needs import ground_needs_of, work_of
+from geopage.outlook import outlook
 from geopage.policies.demand import by_error
 from geopage.policies.protocol import Numbers, Plan, Requests, Situation, in_order
 from geopage.screen_error import lens_of
@@ -37,18 +40,29 @@ Needs = dict[Lane, NDArray[np.bool_]]
 
 
 def needs_of(
-    trees: Mapping[Lane, Tree], views: Sequence[ViewState], limits: Sequence[Thresholds]
+    trees: Mapping[Lane, Tree],
+    views: Sequence[ViewState],
+    grounds_m: Sequence[float],
+    limits: Thresholds,
 ) -> Needs:
-    """Say what each of a flight's views needs for its own thresholds."""
-    there = everything(trees)
+    """Say what each of a flight's views needs.
+
+    Parameters
+    ----------
+    grounds_m : for each view, the height of the ground under the eye
+    """
+    land, there = trees[Lane.TERRAIN], everything(trees)
+    nothing, work = np.zeros(len(land.parent), np.uint8), work_of(land)
     needs = {
         lane: np.zeros((len(views), len(tree.parent)), np.bool_)
         for lane, tree in trees.items()
     }
-    for slot, (view, most) in enumerate(zip(views, limits, strict=True)):
-        chosen = select(trees, lens_of(view), there, most)
-        needs[Lane.TERRAIN][slot, chosen.terrain] = True
-        needs[Lane.OBJECTS][slot, chosen.objects] = True
+    for slot, (view, ground_m) in enumerate(zip(views, grounds_m, strict=True)):
+        ahead = outlook(view, None, ground_m, np.zeros(1))
+        found = ground_needs_of(land, nothing, ahead, limits.terrain_px, 1, work)
+        needs[Lane.TERRAIN][slot, found.rows] = True
+        drawn = select(trees, lens_of(view), there, limits).objects
+        needs[Lane.OBJECTS][slot, drawn] = True
     return needs
 
 
@@ -110,16 +124,17 @@ class Oracle:
         self,
         trees: Mapping[Lane, Tree],
         views: Sequence[ViewState],
-        limits: Sequence[Thresholds],
+        grounds_m: Sequence[float],
+        limits: Thresholds,
         bytes_per_s: float,
     ) -> None:
         """Tell it the flight's views, a slot apart, and what the line carries.
 
         Parameters
         ----------
-        limits : for each view, the largest thresholds that make it good
+        grounds_m : for each view, the height of the ground under the eye
         """
-        self._needs = needs_of(trees, views, limits)
+        self._needs = needs_of(trees, views, grounds_m, limits)
         both = np.concatenate([self._needs[lane] for lane in Lane], axis=1)
         size = np.concatenate([trees[lane].tile_bytes for lane in Lane]).astype(float)
         size[both[0]] = 0  # there before the flight begins
@@ -137,20 +152,12 @@ class Oracle:
     def plan(self, seen: Situation) -> Plan:
         """Ask for what is scheduled next, then for what the newest view misses."""
         self._now = seen.view.t_s / SLOT_S
-        scheduled = {lane: self._scheduled(seen, lane) for lane in Lane}
-        next_due = min(float(due.min(initial=NEVER)) for _, due in scheduled.values())
         requests: Requests = {}
-        for lane, (rows, due) in scheduled.items():
+        for lane in Lane:
             wants = seen.chosen.wants[lane]
             missed = wants.rows[: wants.now], by_error(wants)[: wants.now]
-            # Both lanes share the line evenly: what is due first must not share it.
-            first = due <= next_due + 1
-            order = [(rows[first], due[first])]
-            if not seen.motion:
-                order = [missed, *order]
-            elif np.isinf(next_due):
-                order = [*order, missed]
-            requests[lane] = in_order(order, now=2)
+            order = [self._scheduled(seen, lane), missed]
+            requests[lane] = in_order(order if seen.motion else order[::-1], now=2)
         return Plan(requests)
 
     def _scheduled(self, seen: Situation, lane: Lane) -> tuple[Rows, F8]:

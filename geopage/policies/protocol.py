@@ -7,6 +7,7 @@ so that they differ in nothing but paging. Nor can it break a promise of the res
 what the newest list draws or waits for stays, and the budget holds.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -65,6 +66,10 @@ class Situation:
     shutter_s: float
     chosen: Selection
     """what the newest view draws and misses"""
+    destination: ViewState | None = None
+    """where the eye is known to be going, if anybody has said so"""
+    bytes_per_s: float = math.inf
+    """how fast tiles come, as measured"""
 
     @property
     def view(self) -> ViewState:

@@ -11,6 +11,7 @@ from geopage.policies.mmr import Mmr
 from geopage.policies.oracle import Oracle
 from geopage.policies.protocol import Policy
 from geopage.policies.review import Review
+from geopage.policies.strict import Strict
 from geopage.policies.vgis import Vgis
 
 REGISTRY: dict[str, Callable[[], Policy]] = {
@@ -21,6 +22,8 @@ REGISTRY: dict[str, Callable[[], Policy]] = {
     "mmr": Mmr,
     "review": Review,
     "berkeley": Berkeley,
+    "vgis-stepwise": partial(Vgis, skips=False),
+    "strict": Strict,
     "oracle": Oracle,
 }
 

@@ -47,10 +47,11 @@ class Vgis(LeastRecentlyUsed):
     Parameters
     ----------
     centre : more for the centre of the screen
+    skips : levels are skipped when the eye is fast
     """
 
-    def __init__(self, *, centre: bool = False) -> None:
-        self._centre = centre
+    def __init__(self, *, centre: bool = False, skips: bool = True) -> None:
+        self._centre, self._skips = centre, skips
 
     def plan(self, seen: Situation) -> Plan:
         """Ask for the next tiles down, of the newest view and of a predicted one."""
@@ -58,7 +59,7 @@ class Vgis(LeastRecentlyUsed):
         if seen.motion is not None:
             views.append(predict(seen.view, seen.motion, LEAD_S))
             looks.append(seen.look(seen.lens(views[1])))
-        skip = levels_skipped(seen)
+        skip = levels_skipped(seen) if self._skips else 0
         requests: Requests = {}
         for lane in Lane:
             groups = [

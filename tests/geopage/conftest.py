@@ -7,7 +7,13 @@ import pytest
 
 from geopage.selection import trees_of
 from geopage.tree import Tree
-from tests.geopage.worlds import deep_globe, object_records, write_store
+from tests.geopage.worlds import (
+    deep_globe,
+    object_records,
+    wide_globe,
+    write_index,
+    write_store,
+)
 from tiles.forest import Forest, build_forest
 from tiles.lanes import Lane
 
@@ -30,4 +36,12 @@ def store_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A real store of the same world, with tiles of one triangle."""
     path = tmp_path_factory.mktemp("world") / "world.geopage"
     write_store(path, deep_globe(), object_records())
+    return path
+
+
+@pytest.fixture(scope="session")
+def wide_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of a larger globe with a strip of detail, without tiles: to be paged dry."""
+    path = tmp_path_factory.mktemp("wide") / "wide.geopage"
+    write_index(path, wide_globe(), object_records())
     return path

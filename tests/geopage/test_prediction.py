@@ -6,14 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geopage.prediction import (
-    LEAST_HEIGHT_M,
-    ground_under,
-    motion_of,
-    predict,
-    rotation_of,
-    rotation_vector,
-)
+from geopage.motion import rotation_of, rotation_vector, row_under
+from geopage.prediction import LEAST_HEIGHT_M, ground_under, motion_of, predict
 from geopage.view import ViewState
 from tests.geopage.worlds import SPOT, view_at
 from tiles import geodesy
@@ -123,3 +117,15 @@ def test_the_ground_is_that_of_the_deepest_cell_under_the_eye(
     )
     assert ground_under(changed, view_at(1e6).eye) == 77.0
     assert ground_under(changed, Ecef(-view_at(1e6).eye)) == -500.0
+
+
+def test_the_row_under_an_eye_is_found_as_the_forest_finds_it(
+    forests: dict[Lane, Forest], rng: np.random.Generator
+) -> None:
+    forest = forests[Lane.TERRAIN]
+    lon = np.r_[rng.uniform(-math.pi, math.pi, 300), rng.normal(SPOT[0], 1e-2, 300)]
+    lat = np.r_[rng.uniform(-1.57, 1.57, 300), rng.normal(SPOT[1], 1e-2, 300)]
+    found = [row_under(forest.children, eye) for eye in geodesy.to_ecef(lon, lat, 1e5)]
+    wanted = [forest.deepest_at(*place) for place in zip(lon, lat, strict=True)]
+    assert found == wanted
+    assert len(set(found)) > 100

@@ -66,7 +66,8 @@ class QueueMachine(RuleBasedStateMachine):
             assert self.queue.pending(lane) == len(self.pending[lane])
             for row in range(COUNT):
                 assert self.queue.is_wanted(lane, row) == (row in self.wanted[lane])
-                assert self.queue.rank(lane, row) == self.wanted[lane].get(row, np.inf)
+                found = self.queue.ranks(lane, np.array([row], np.int32))
+                assert found == [self.wanted[lane].get(row, np.inf)]
             flags = self.queue.taken(lane, np.arange(COUNT, dtype=np.int32))
             assert set(np.flatnonzero(flags).tolist()) == self.taken[lane]
 

@@ -4,7 +4,7 @@
 import json
 import sqlite3
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +12,11 @@ import numpy as np
 import pytest
 
 from geopage.scale import FIRST, MISSING_ENTRY, OTHER_ENTRY, STEPS, legend_lines
-from geopage.source import decoders
 from geopage.style import parse_style
 from geopage.styling import Styling, styling_of
 from tests.tiles.towns import town
 from tiles import cells
 from tiles.errors import InputError
-from tiles.frames import Ecef
-from tiles.lanes import Lane
-from tiles.mesh import VERTEX, Mesh
-from tiles.objects import OBJECT, PROXY, PROXY_ORDINAL, ObjectTile, encode
 from tiles.store import Store
 
 Row = tuple[int, int, float, dict[str, Any]]
@@ -64,30 +59,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
 
 
 def entries(styling: Styling, ids: list[int]) -> list[int]:
-    """The entries of objects, through a tile of theirs."""
-    return tile_entries(styling.styled(tile_of(0, ids, [])), len(ids))
-
-
-def tile_of(cell: int, ids: list[int], children: list[int]) -> ObjectTile:
-    """A tile with a triangle for each object, then one for each child's proxy."""
-    count = len(ids) + len(children)
-    vertices = np.zeros(3 * count, VERTEX)
-    ordinal = [*range(len(ids)), *[PROXY_ORDINAL] * len(children)]
-    vertices["detail"][:, 1] = np.repeat(ordinal, 3)
-    vertices["normal"][:, :3] = (1, 2, 3)
-    objects, proxies = np.zeros(len(ids), OBJECT), np.zeros(len(children), PROXY)
-    objects["id"], proxies["child"] = ids, children
-    proxies["index_start"] = 3 * (len(ids) + np.arange(len(children)))
-    proxies["index_end"] = proxies["index_start"] + 3
-    mesh = Mesh(Ecef(np.zeros(3)), 1.0, vertices, np.arange(3 * count, dtype="<u2"))
-    return ObjectTile(cell, mesh, objects, proxies)
-
-
-def tile_entries(tile: ObjectTile, things: int) -> list[int]:
-    """The entry of each thing of a tile, all three vertices alike."""
-    style = tile.mesh.vertices["normal"][:, 3].view(np.uint8).reshape(things, 3)
-    assert (style == style[:, :1]).all()
-    return style[:, 0].tolist()
+    """The entries of objects."""
+    found: list[int] = styling.of_objects(np.array(ids)).tolist()
+    return found
 
 
 def test_the_commonest_values_get_the_colours(place: Place) -> None:
@@ -163,9 +137,9 @@ def test_a_proxy_has_the_colour_of_what_it_stands_for(words: str, place: Place) 
         )
     )
     several = 0
-    for cell in {int(cells.ancestor(row[1], 0)) for row in place.rows}:
-        shown = styling.styled(tile_of(cell, [], [0, 1, 2, 3]))
-        for child, found in zip(cells.children(cell), tile_entries(shown, 4), strict=True):
+    above = sorted({int(cells.ancestor(row[1], 0)) for row in place.rows})
+    for cell, shown in zip(above, styling.of_children(np.array(above)), strict=True):
+        for child, found in zip(cells.children(cell), shown.tolist(), strict=True):
             below = [row for row in place.rows if cells.contains(child, row[1])]
             weight = dict.fromkeys(range(256), 0.0)
             for row in below:
@@ -180,20 +154,6 @@ def test_a_proxy_has_the_colour_of_what_it_stands_for(words: str, place: Place) 
                 assert abs(found - mean) <= 0.51
             several += len(below) > 5
     assert several > 5
-
-
-def test_a_styled_tile_is_the_tile_but_for_its_style(place: Place) -> None:
-    tile = tile_of(int(cells.make(3, 0, 0, 0)), [1, 2, 3], [0, 2])
-    body = encode(tile)
-    styled = decoders(place.styling("use"))[Lane.OBJECTS](body)
-    plain = decoders()[Lane.OBJECTS](body)
-    assert isinstance(styled, ObjectTile)
-    assert isinstance(plain, ObjectTile)
-    assert (plain.mesh.vertices["normal"][:, 3] == 0).all()
-    assert (styled.mesh.vertices["normal"][:, 3] != 0).all()
-    bare = styled.mesh.vertices.copy()
-    bare["normal"][:, 3] = 0
-    assert encode(replace(styled, mesh=replace(styled.mesh, vertices=bare))) == body
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,8 @@ BLOCK_LEVEL = 12
 """Level of the cells that hold the town's buildings."""
 CITY_LEVELS = (8, 10, BLOCK_LEVEL)
 """Levels that have object tiles; those between them are passed through."""
+STRIP_CELLS = 40
+"""Cells of `SPOT_LEVEL` that `wide_globe` has east of the spot."""
 
 
 def view_at(
@@ -131,6 +133,20 @@ def write_store(path: Path, land: NDArray[np.void], things: NDArray[np.void]) ->
     with Writer(path) as writer, writer.transaction():
         _write_lane(writer, Lane.TERRAIN, land, _terrain_body)
         _write_lane(writer, Lane.OBJECTS, things, _object_body)
+
+
+def write_index(path: Path, land: NDArray[np.void], things: NDArray[np.void]) -> None:
+    """Write a store without tiles, for paging that reads nothing."""
+    with Writer(path) as writer, writer.transaction():
+        for lane, records in ((Lane.TERRAIN, land), (Lane.OBJECTS, things)):
+            writer.replace_index(lane, records)
+
+
+def wide_globe() -> NDArray[np.void]:
+    """Terrain records of a globe of four levels with a strip of detail east of the spot."""
+    steps = zones.SIZE_RAD / 2**SPOT_LEVEL * np.arange(0.0, STRIP_CELLS, 0.9)
+    strip = [spot_cells(SPOT_LEVEL, (SPOT[0] + step, SPOT[1])) for step in steps]
+    return terrain_records(np.concatenate((globe_cells(4), *strip)))
 
 
 def _write_lane(

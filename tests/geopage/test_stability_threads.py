@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Failures: a thread dies, threads do not end, threads work although nothing changes."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from geopage.manager import TileManager
+from geopage.pager import Pager
+from geopage.scene import SceneManager
+from geopage.server import TileServer
+from geopage.settings import PagerSettings, Throttle
+from tests.geopage.worlds import SPOT
+from viewer.stability.paging_threads import (
+    busy_at_rest_s,
+    longest_shutdown_s,
+    threads_of,
+    turn,
+)
+from viewer.stability.site import Site
+
+SITE = Site(*SPOT)
+
+
+def fall(pager: Pager, frames: int = 20_000) -> None:
+    """Show ever other views."""
+    for i in range(frames):
+        turn(pager, SITE.view(1e6 * 0.999**i, t_s=i / 60))
+
+
+@pytest.mark.parametrize("role", [SceneManager, TileManager, TileServer])
+@pytest.mark.parametrize("steps", [0, 7])
+def test_what_kills_a_thread_surfaces_in_the_caller_and_ends_the_others(
+    store_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    role: type[SceneManager | TileManager | TileServer],
+    steps: int,
+) -> None:
+    left, well = iter(range(steps)), role.step
+
+    def dies(self: object, *now_s: float) -> object:
+        if next(left, None) is None:
+            raise MemoryError("no more")
+        return well(self, *now_s)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(role, "step", dies)
+    pager = Pager(store_path)
+    pager.start()
+    with pytest.raises(MemoryError, match="no more"):
+        fall(pager)
+    with pytest.raises(MemoryError, match="no more"):
+        pager.draw_list()
+    start_s = time.monotonic()
+    pager.close()
+    assert time.monotonic() - start_s < 2.0
+    assert not threads_of(pager)
+
+
+def test_threads_end_in_time_whenever_they_are_told_to(store_path: Path) -> None:
+    assert longest_shutdown_s(store_path, SITE, 20) < 2.0
+
+
+def test_threads_end_in_time_while_they_wait_for_a_slow_line(store_path: Path) -> None:
+    slow = PagerSettings(throttle=Throttle(1e-4, 5000.0))
+    assert longest_shutdown_s(store_path, SITE, 5, slow) < 2.0
+
+
+def test_a_static_view_costs_the_paging_threads_nothing(store_path: Path) -> None:
+    assert busy_at_rest_s(store_path, SITE) == (0.0, 0, 0)
