@@ -9,8 +9,11 @@ instance array, whose 16 floats tell the vertex shader about the tile:
     4..6 up at the tile's centre             7 skirt depth (m)
     8..10 place in the grain of the ground (terrain)
     8 seed; 9, 10 share of the screen's pattern that shows it, from and to (objects)
-    11 texture layer (terrain)               12 entry in the draw list
+    11 texture layer (terrain); place of the first own object in the pool, or the
+       palette's entry of the proxy (objects)
+    12 entry in the draw list
     13 screen error (px)                     14 lean of the skirt (viewer/clearance.py)
+    15 texels across what the data show (terrain)
 
 Commands are sorted from near to far, so that near surfaces hide far ones before those
 are shaded.
@@ -38,7 +41,8 @@ from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
 from tiles.kernels import brief, inlined
 from tiles.terrain import TEXTURE_SIDE
 from viewer.clearance import LEAN
-from viewer.slots import PATCH_M
+from viewer.look import HIGH_M
+from viewer.slots import FAR_PERIOD, NEAR_PERIOD, PATCH_M
 
 COMMAND_WORDS = 5
 INSTANCE_FLOATS = 16
@@ -157,16 +161,27 @@ class Lists(NamedTuple):
 
 @brief
 def cull_terrain(
-    lists: Lists, skirt_m: NDArray[np.float32], eye: Eye, picture_px: float, room: Room
-) -> tuple[int, int, float, int]:
-    """Fill `room` with the visible terrain tiles, those that need grain first.
+    lists: Lists,
+    skirt_m: NDArray[np.float32],
+    detail_m: NDArray[np.float32],
+    eye: Eye,
+    picture_px: float,
+    room: Room,
+) -> tuple[int, int, float, tuple[int, int, int]]:
+    """Fill `room` with the visible terrain tiles, sorted by kind.
+
+    Parameters
+    ----------
+    detail_m : (rows of the forest,) size of what a tile's data show; smaller is a texel
 
     Returns
     -------
     draws, triangles, screen error in px as a mean weighted by the tiles' areas, and how
-    many of the draws need grain
+    many of the draws are of each kind: grain and water, grain, water; the others follow
     """
-    n, triangles, error_sum, area_sum, grained = 0, 0, 0.0, 1e-9, 0
+    n, triangles, error_sum, area_sum = 0, 0, 0.0, 1e-9
+    kinds = np.zeros(4, np.int64)
+    period = FAR_PERIOD if eye.place[2] > HIGH_M else NEAR_PERIOD
     for entry in range(len(lists.rows)):
         row = lists.rows[entry]
         slot = lists.slots[row]
@@ -180,27 +195,28 @@ def cull_terrain(
         _fill(room.instances[n], slot, eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]
         room.instances[n, 14] = LEAN
-        room.instances[n, 8] = slot["noise"][0]
-        room.instances[n, 9] = slot["noise"][1]
+        room.instances[n, 8] = slot["noise"][0] % period
+        room.instances[n, 9] = slot["noise"][1] % period
         room.instances[n, 10] = slot["noise"][2]
         room.instances[n, 11] = slot["layer"]
         _command(room.unsorted[n], slot, 0, slot["index_count"])
-        room.keys[n] = -scale
         texel_m = slot["noise"][2] * PATCH_M / TEXTURE_SIDE
-        if texel_m * scale > GRAIN_TEXEL_PX:
-            room.keys[n] -= NEAREST_FIRST
-            grained += 1
+        seen_m = max(texel_m, detail_m[row])
+        room.instances[n, 15] = seen_m / max(texel_m, 1e-6)
+        kind = 3 - (2 if seen_m * scale > GRAIN_TEXEL_PX else 0) - slot["wet"]
+        kinds[kind] += 1
+        room.keys[n] = kind - scale / (1.0 + scale)
         n += 1
         triangles += slot["index_count"] // 3
         area = min((2.0 * radius * scale) ** 2, picture_px)
         error_sum += area * min(error_px, 1e6)
         area_sum += area
     _sort(room.keys, room.unsorted, room.commands, n)
-    return n, triangles, error_sum / area_sum, grained
+    return n, triangles, error_sum / area_sum, (kinds[0], kinds[1], kinds[2])
 
 
 @brief
-def _count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> int:
+def count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> int:
     """Return how many of a tile's own objects are larger, by bisection."""
     low, high = slot["pool_start"], slot["pool_start"] + slot["pool_count"]
     while low < high:
@@ -215,7 +231,7 @@ def _count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> i
 @brief
 def cull_objects(
     lists: Lists,
-    parts: tuple[NDArray[np.bool_], NDArray[np.uint8], NDArray[np.void]],
+    parts: tuple[NDArray[np.bool_], NDArray[np.uint8], NDArray[np.void], NDArray[np.uint8]],
     shares: NDArray[np.float32],
     eye: Eye,
     threshold_px: float,
@@ -225,7 +241,8 @@ def cull_objects(
 
     Parameters
     ----------
-    parts : `own` and `proxies` of the draw list, and the pool of object tables
+    parts : `own` and `proxies` of the draw list, the pool of object tables, and
+        `Coats.proxies`
     shares : (m, 2) `Fade.shares`, or (0, 2) when nothing fades
 
     Returns
@@ -233,7 +250,7 @@ def cull_objects(
     draws, triangles, objects (own objects and proxies), and how many of the draws, at
     the end, fade
     """
-    own, proxies, pool = parts
+    own, proxies, pool, coats = parts
     n, triangles, objects, fading = 0, 0, 0, 0
     low, high = np.float32(0.0), np.float32(1.0)
     for entry in range(len(lists.rows)):
@@ -251,7 +268,7 @@ def cull_objects(
         if eye.lens.sweep.shutter_s > 0.0:
             blur = blur_px(eye.lens, centre[0], centre[1], centre[2], radius)
             least = max(blur, threshold_px)
-        seen = _count_above(pool, slot, least / scale) if own[entry] else 0
+        seen = count_above(pool, slot, least / scale) if own[entry] else 0
         for part in range(CHILDREN + 1):
             first, count = 0, 0
             if part == CHILDREN and seen > 0:
@@ -263,6 +280,9 @@ def cull_objects(
             _fill(room.instances[n], slot, eye, entry, 0.0)
             room.instances[n, 8] = slot["seed"]
             room.instances[n, 9], room.instances[n, 10] = low, high
+            room.instances[n, 11] = (
+                slot["pool_start"] if part == CHILDREN else coats[row, part]
+            )
             _command(room.unsorted[n], slot, first, count)
             room.keys[n] = -scale
             if not is_solid:

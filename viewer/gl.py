@@ -10,6 +10,7 @@ GIL back.
 """
 
 import ctypes
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -33,9 +34,14 @@ NEEDED = (
 )
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
 CLOCK = "clock_gettime"
+HAS_CLOCK = hasattr(time, "clock_gettime")
+"""Elsewhere (Windows) the rows read the counter that Python's clock reads too."""
 
 BLEND, CULL_FACE, DEPTH_TEST = 0x0BE2, 0x0B44, 0x0B71
-TRIANGLES, UNSIGNED_BYTE, UNSIGNED_SHORT, INT, FLOAT = 4, 0x1401, 0x1403, 0x1404, 0x1406
+LINES, FRONT_AND_BACK, LINE, FILL = 1, 0x0408, 0x1B01, 0x1B02
+SRC_ALPHA, ONE_MINUS_SRC_ALPHA, ZERO, ONE = 0x0302, 0x0303, 0, 1
+TRIANGLES, TRIANGLE_STRIP = 4, 5
+UNSIGNED_BYTE, UNSIGNED_SHORT, INT, FLOAT = 0x1401, 0x1403, 0x1404, 0x1406
 GEQUAL, GREATER = 0x0206, 0x0204
 COLOR, DEPTH, COLOR_BIT, DEPTH_BIT = 0x1800, 0x1801, 0x4000, 0x0100
 DEPTH_COMPONENT = 0x1902
@@ -43,13 +49,16 @@ RGB, RGBA, RED, RED_INTEGER = 0x1907, 0x1908, 0x1903, 0x8D94
 RGBA8, RGBA32F, R32I, R8, DEPTH_32F = 0x8058, 0x8814, 0x8235, 0x8229, 0x8CAC
 BC1 = 0x83F0  # GL_COMPRESSED_RGB_S3TC_DXT1_EXT
 FRAMEBUFFER, COLOR_0, DEPTH_ATTACHMENT = 0x8D40, 0x8CE0, 0x8D00
+READ_FRAMEBUFFER, DRAW_FRAMEBUFFER, FRAMEBUFFER_SRGB = 0x8CA8, 0x8CA9, 0x8DB9
 FRAMEBUFFER_COMPLETE, RENDERBUFFER = 0x8CD5, 0x8D41
 UNIFORM_BUFFER, DRAW_INDIRECT_BUFFER, PACK_ALIGNMENT = 0x8A11, 0x8F3F, 0x0D05
 UNPACK_ALIGNMENT = 0x0CF5
 TEXTURE_2D, TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
+TEXTURE_BUFFER, R8UI = 0x8C2A, 0x8232
 RG, RG8 = 0x8227, 0x822B
 MIN_FILTER, MAG_FILTER, WRAP_S, WRAP_T = 0x2801, 0x2800, 0x2802, 0x2803
-LINEAR, LINEAR_MIPMAP_NEAREST, LINEAR_MIPMAP_LINEAR = 0x2601, 0x2701, 0x2703
+NEAREST, LINEAR = 0x2600, 0x2601
+LINEAR_MIPMAP_NEAREST, LINEAR_MIPMAP_LINEAR = 0x2701, 0x2703
 REPEAT, CLAMP_TO_EDGE = 0x2901, 0x812F
 LOWER_LEFT, ZERO_TO_ONE = 0x8CA1, 0x935F
 VERSION, DYNAMIC_DRAW = 0x1F02, 0x88E8
@@ -85,6 +94,10 @@ def run_table(table: int, count: int) -> int:
 
 def egl_loader() -> Callable[[str], int]:
     """Return the loader of GL entry points of a headless context."""
+    if sys.platform != "linux":
+        from viewer.window import address_of  # noqa: PLC0415  (imports this module)
+
+        return address_of
     get = ctypes.CDLL("libEGL.so.1").eglGetProcAddress
     get.restype, get.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
     return lambda name: int(get(name.encode()) or 0)
@@ -98,6 +111,10 @@ def open_headless() -> moderngl.Context:
     InputError
         When there is no EGL or no driver, in one line that says what to install.
     """
+    if sys.platform != "linux":  # no EGL: a window that is never shown
+        from viewer.window import open_hidden  # noqa: PLC0415  (imports this module)
+
+        return open_hidden()
     try:
         settings: dict[str, Any] = {"standalone": True, "backend": "egl"}
         return moderngl.create_context(**settings)
@@ -203,7 +220,7 @@ class CallTable:
     def stamp(self) -> int:
         """Append a look at the clock and return its number, for `stamps_ns`."""
         place = self._stamps[self._stamp_count].ctypes.data
-        self.add(CLOCK, time.CLOCK_MONOTONIC, place)
+        self.add(CLOCK, *((time.CLOCK_MONOTONIC, place) if HAS_CLOCK else (place,)))
         self._stamp_count += 1
         return self._stamp_count - 1
 
@@ -215,16 +232,29 @@ class CallTable:
         """Run all rows; returns the ns between the last clock row and this thread's GIL."""
         self._gl.guard()
         run_table(self._address, self.count)
-        now = time.clock_gettime_ns(time.CLOCK_MONOTONIC)
+        now = time.perf_counter_ns()
         return now - int(self.stamps_ns[-1]) if self._stamp_count else 0
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:
         """(s,) monotonic time of each clock row in the last run."""
         stamps = self._stamps[: self._stamp_count]
+        if not HAS_CLOCK:
+            return np.asarray(stamps[:, 0] * 1_000_000_000 // _ticks_per_s())
         return np.asarray(stamps[:, 0] * 1_000_000_000 + stamps[:, 1])
 
 
 def _clock_address() -> int:
-    function = ctypes.CDLL(None).clock_gettime
+    library: Any = ctypes
+    if HAS_CLOCK:
+        function = ctypes.CDLL(None).clock_gettime
+    else:
+        function = library.windll.kernel32.QueryPerformanceCounter
     return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
+
+
+def _ticks_per_s() -> int:
+    library: Any = ctypes
+    ticks = ctypes.c_int64()
+    library.windll.kernel32.QueryPerformanceFrequency(ctypes.byref(ticks))
+    return ticks.value

@@ -27,26 +27,30 @@ VERTEX_INPUTS = (
     (1, 1, SHORT, 6, True),
     (2, 2, gl.UNSIGNED_SHORT, 8, True),
     (3, 3, BYTE, 12, False),
-    (8, 1, gl.UNSIGNED_BYTE, 15, True),
 )
 VARIANTS = {
-    Lane.TERRAIN: (("", "GRAIN"), ("HIGH", "HIGH\n#define GRAIN")),
+    Lane.TERRAIN: (
+        ("", "WATER", "GRAIN", "GRAIN WATER"),
+        ("HIGH", "HIGH WATER", "HIGH GRAIN", "HIGH GRAIN WATER"),
+    ),
     Lane.OBJECTS: (("", "FADE"),),
 }
-"""Of the terrain's shaders: near the ground, and above; without grain, and with it. Of
-the objects': solid, and fading."""
+"""Of the terrain's shaders: near the ground, and above; plain, with water, with grain, and
+with both. Of the objects': solid, and fading."""
+SKIES = "", "HIGH"
+SKY_VERTICES = 3, 194
+"""Of one triangle, and of a ring; the sun's follow (sky.vert)."""
 SCREEN = "pattern.glsl", "screen.glsl"
-HIGH_M = 30_000.0
 PROGRAM_ROW = -3
 """Where a multi-draw's glUseProgram is, seen from the multi-draw."""
 LANE_NAME = {Lane.TERRAIN: "terrain", Lane.OBJECTS: "objects"}
 
 
 def source(*names: str, define: str = "") -> str:
-    """Return shader files joined; a define goes after the first one."""
+    """Return shader files joined; defines go after the first one."""
     folder = files("viewer.shaders")
     parts = [(folder / f"{name}").read_text("utf-8") for name in names]
-    return "\n".join([parts[0], f"#define {define}\n" if define else "", *parts[1:]])
+    return "\n".join([parts[0], *(f"#define {one}" for one in define.split()), *parts[1:]])
 
 
 def make_program(
@@ -54,8 +58,9 @@ def make_program(
 ) -> moderngl.Program:
     """Return the program that shades a lane, in one of the `VARIANTS`."""
     name = LANE_NAME[lane]
-    vertex = "frame.glsl", "air.glsl", "water.glsl", "vertex_inputs.glsl", f"{name}.vert"
-    fragment = "frame.glsl", "air.glsl", "water.glsl", "grain.glsl", *SCREEN
+    light = "frame.glsl", "colour.glsl", "air.glsl"
+    vertex = *light, "vertex_inputs.glsl", f"{name}.vert"
+    fragment = *light, "way.glsl", "water.glsl", "grain.glsl", *SCREEN
     return context.program(
         vertex_shader=source(*vertex, define=define),
         fragment_shader=source(*fragment, f"{name}.frag", define=define),
@@ -72,11 +77,12 @@ def make_probe_program(context: moderngl.Context, lane: Lane) -> moderngl.Progra
     )
 
 
-def make_sky_program(context: moderngl.Context) -> moderngl.Program:
-    """Return the program that shades what no tile covers."""
+def make_sky_program(context: moderngl.Context, define: str = "") -> moderngl.Program:
+    """Return the program that shades what no tile covers, in one of `SKIES`."""
+    names = "frame.glsl", "way.glsl", "air.glsl", *SCREEN, "sky.frag"
     return context.program(
-        vertex_shader=source("frame.glsl", "sky.vert"),
-        fragment_shader=source("frame.glsl", "way.glsl", "air.glsl", *SCREEN, "sky.frag"),
+        vertex_shader=source("frame.glsl", "sky.vert", define=define),
+        fragment_shader=source(*names, define=define),
     )
 
 
@@ -184,22 +190,22 @@ def set_part(
 
 
 def parts_of(
-    objects: int, fading: int, terrain: int, grained: int
+    objects: int, fading: int, terrain: int, kinds: tuple[int, int, int]
 ) -> tuple[tuple[int, int], ...]:
     """Return first draw and number of draws of each part of a frame.
 
-    Halves of the solid objects, fading objects, terrain with grain, and halves of the
-    terrain without: a software driver shades one part while it transforms the vertices
-    of the next.
+    Halves of the solid objects, fading objects, three kinds of terrain (so many draws
+    with grain and water, with grain, with water), and halves of the rest: a software
+    driver shades one part while it transforms the vertices of the next.
     """
-    fixed, middle = objects - fading, (grained + terrain) // 2
-    half = fixed // 2
+    fixed, ends = objects - fading, np.cumsum(kinds).tolist()
+    half, middle = fixed // 2, (ends[2] + terrain) // 2
     return (
         (0, half),
         (half, fixed - half),
         (fixed, fading),
-        (0, grained),
-        (grained, middle - grained),
+        *zip((0, *ends), kinds, strict=False),
+        (ends[2], middle - ends[2]),
         (middle, terrain - middle),
     )
 
@@ -214,13 +220,22 @@ def add_state(table: CallTable) -> None:
     table.add("glDisable", gl.BLEND)
 
 
-def add_sky(table: CallTable, program: moderngl.Program, vertex_array: int) -> None:
-    """Append the sky, where the depth is still infinite."""
+def add_sky(table: CallTable, program: moderngl.Program, vertex_array: int) -> int:
+    """Append the sky, where the depth is still infinite; returns its row, for `set_sky`."""
     table.add("glDepthMask", 0)
-    table.add("glUseProgram", program.glo)
+    table.add("glDisable", gl.CULL_FACE)
+    row = table.add("glUseProgram", program.glo)
     table.add("glBindVertexArray", vertex_array)
-    table.add("glDrawArrays", gl.TRIANGLES, 0, 3)
+    table.add("glDrawArrays", gl.TRIANGLE_STRIP, 0, SKY_VERTICES[0])
+    table.add("glDrawArrays", gl.TRIANGLE_STRIP, SKY_VERTICES[1], 4)
+    return row
 
 
-FRAME_FLOATS = 32
+def set_sky(table: CallTable, row: int, program: moderngl.Program, is_high: int) -> None:
+    """Set the sky's program: one of the `SKIES`."""
+    table.change(row, 0, program.glo)
+    table.change(row + 2, 2, SKY_VERTICES[is_high])
+    table.change(row + 3, 2, 4 * is_high)
+
+
 PALETTE_BYTES = 256 * 16

@@ -22,10 +22,10 @@ class Target:
         self.width_px, self.height_px = size_px
         self.formats = formats
         self.name = calls.create("glCreateFramebuffers")
-        self._buffers: list[int] = []
-        for i, kind in enumerate(formats):
-            self._attach(gl.COLOR_0 + i, kind)
-        self._attach(gl.DEPTH_ATTACHMENT, gl.DEPTH_32F)
+        self.textures = [
+            self._attach(gl.COLOR_0 + i, kind) for i, kind in enumerate(formats)
+        ]
+        self._depth = self._attach_depth()
         colours = np.arange(gl.COLOR_0, gl.COLOR_0 + len(formats), dtype=np.uint32)
         calls.call(
             "glNamedFramebufferDrawBuffers", self.name, len(formats), colours.ctypes.data
@@ -34,19 +34,37 @@ class Target:
         if state & 0xFFFF != gl.FRAMEBUFFER_COMPLETE:
             raise RuntimeError(f"framebuffer is incomplete: {state & 0xFFFF:#06x}")
 
-    def _attach(self, point: int, kind: int) -> None:
-        buffer = self._gl.create("glCreateRenderbuffers")
+    def _attach(self, point: int, kind: int) -> int:
+        name = self._gl.create("glCreateTextures", gl.TEXTURE_2D)
         size = self.width_px, self.height_px
-        self._gl.call("glNamedRenderbufferStorage", buffer, kind, *size)
-        self._gl.call(
-            "glNamedFramebufferRenderbuffer", self.name, point, gl.RENDERBUFFER, buffer
-        )
-        self._buffers.append(buffer)
+        self._gl.call("glTextureStorage2D", name, 1, kind, *size)
+        filtered = gl.NEAREST if kind == gl.R32I else gl.LINEAR
+        for parameter, value in (
+            (gl.MIN_FILTER, filtered),
+            (gl.MAG_FILTER, filtered),
+            (gl.WRAP_S, gl.CLAMP_TO_EDGE),
+            (gl.WRAP_T, gl.CLAMP_TO_EDGE),
+        ):
+            self._gl.call("glTextureParameteri", name, parameter, value)
+        self._gl.call("glNamedFramebufferTexture", self.name, point, name, 0)
+        return name
+
+    def _attach_depth(self) -> int:
+        name = self._gl.create("glCreateRenderbuffers")
+        size = self.width_px, self.height_px
+        self._gl.call("glNamedRenderbufferStorage", name, gl.DEPTH_32F, *size)
+        place = self.name, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER
+        self._gl.call("glNamedFramebufferRenderbuffer", *place, name)
+        return name
+
+    def bind(self, table: CallTable) -> None:
+        """Append the calls that draw to this target."""
+        table.add("glBindFramebuffer", gl.FRAMEBUFFER, self.name)
+        table.add("glViewport", 0, 0, self.width_px, self.height_px)
 
     def begin(self, table: CallTable) -> None:
         """Append the calls that clear this target and draw to it."""
-        table.add("glBindFramebuffer", gl.FRAMEBUFFER, self.name)
-        table.add("glViewport", 0, 0, self.width_px, self.height_px)
+        self.bind(table)
         for i, kind in enumerate(self.formats):
             clear = "glClearNamedFramebufferfv", NO_COLOUR.ctypes.data
             if kind == gl.R32I:
@@ -72,8 +90,42 @@ class Target:
         table.run()
         return into[::-1]
 
+    def depth_at(self, x: int, y: int) -> float:
+        """Return the depth of one pixel, counted from the top left corner."""
+        depth, table = np.zeros(1, np.float32), CallTable(self._gl, 4)
+        table.add("glBindFramebuffer", gl.FRAMEBUFFER, self.name)
+        kind = gl.DEPTH_COMPONENT, gl.FLOAT
+        row = self.height_px - 1 - y
+        table.add("glReadPixels", x, row, 1, 1, *kind, depth.ctypes.data)
+        table.run()
+        return float(depth[0])
+
+    def blit(self, framebuffer: int, size_px: tuple[int, int]) -> None:
+        """Copy the first colour attachment as it is to another framebuffer.
+
+        Parameters
+        ----------
+        framebuffer : GL name, 0 for the window's
+        size_px : its width and height, to which the picture is scaled
+        """
+        table = CallTable(self._gl, 8)
+        # The attachment is encoded for the screen already.
+        table.add("glDisable", gl.FRAMEBUFFER_SRGB)
+        table.add("glNamedFramebufferReadBuffer", self.name, gl.COLOR_0)
+        table.add("glBindFramebuffer", gl.READ_FRAMEBUFFER, self.name)
+        table.add("glBindFramebuffer", gl.DRAW_FRAMEBUFFER, framebuffer)
+        source, to = (0, 0, self.width_px, self.height_px), (0, 0, *size_px)
+        kind = gl.NEAREST if source == to else gl.LINEAR
+        table.add("glBlitFramebuffer", *source, *to, gl.COLOR_BIT, kind)
+        table.add("glBindFramebuffer", gl.FRAMEBUFFER, framebuffer)
+        table.run()
+
     def release(self) -> None:
         """Free the GPU's memory."""
-        names = np.array([self.name, *self._buffers], np.uint32)
-        self._gl.call("glDeleteFramebuffers", 1, names.ctypes.data)
-        self._gl.call("glDeleteRenderbuffers", len(names) - 1, names[1:].ctypes.data)
+        for call, names in (
+            ("glDeleteFramebuffers", [self.name]),
+            ("glDeleteRenderbuffers", [self._depth]),
+            ("glDeleteTextures", self.textures),
+        ):
+            some = np.array(names, np.uint32)
+            self._gl.call(call, len(some), some.ctypes.data)

@@ -9,6 +9,11 @@ layout(std140, binding = 0) uniform Frame {
     vec4 sun;       // xyz direction to the sun, w = light that reaches the night side
     vec4 zenith;    // xyz up at the eye, w = strength of the haze
     vec4 picture;   // width, height, strength of the grain, strength of light
+    // Of air and sun at the eye's place (viewer/air.py):
+    vec4 ground_light;  // light on the ground; sine of the sun's height
+    vec4 thin_air[3];   // light of the sky, factors of powers of `near`; sun by camera axes
+    vec4 thick_air[3];  // the same at the horizon; density of air, of mist; eye's radius
+    vec4 upright;       // zenith by camera axes
 };
 
 const float EARTH = 6378137.0;

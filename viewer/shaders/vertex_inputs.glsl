@@ -5,9 +5,8 @@ layout(location = 2) in uvec2 detail;
 layout(location = 3) in vec4 normal;
 layout(location = 4) in vec4 draw_origin;  // centre - eye, m; metres per step
 layout(location = 5) in vec4 draw_up;      // up; skirt depth, m
-layout(location = 6) in vec4 draw_place;   // grain; layer | seed, share of the pattern
-layout(location = 7) in vec4 draw_entry;   // entry in the draw list; screen error, px; lean
-layout(location = 8) in uint style;        // objects: entry of the palette, 0: unstyled
+layout(location = 6) in vec4 draw_place;   // grain; layer | seed, share of the pattern, coat
+layout(location = 7) in vec4 draw_entry;   // entry in the list; screen error, px; lean; texels
 
 vec3 seen_from_eye() {
     return draw_origin.xyz + vec3(step_position) * draw_origin.w;

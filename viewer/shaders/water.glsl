@@ -1,7 +1,20 @@
+// Water mirrors the sky, more at grazing angles (Schlick 1994; less, as waves tilt it),
+// and the sun where waves have the slope for it (Cox and Munk 1954, for 3 m/s of wind).
+
 float mirrored(float mu) {
-    // Share of the light that water mirrors.
-    float grazing = (1.0 - mu) * (1.0 - mu);
+    float grazing = 1.0 - mu;
+    grazing *= grazing;
     return 0.02 + 0.5 * grazing * grazing;
 }
 
 const vec3 MIRRORED_SKY = vec3(0.30, 0.46, 0.68);
+const float SLOPES = 0.02;  // mean square of the slopes
+const vec3 GLINT = vec3(17.0, 16.2, 15.0);
+
+vec3 glint(float near, float rise, float mu) {
+    // A wave mirrors the sun when it faces halfway between the sun and the eye: a slope
+    // with the square |sun + to_eye|^2 / (up . (sun + to_eye))^2 - 1.
+    float level = max(rise + mu, 0.05);
+    float slope = max(4.0 * (1.0 - near) / (level * level) - 1.0, 0.0);
+    return GLINT * exp2(-1.442695 / SLOPES * slope);
+}
