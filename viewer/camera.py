@@ -50,6 +50,15 @@ def rotation(pose: Pose) -> Floats:
     return np.asarray(camera_of_enu @ geodesy.enu_axes(pose.lon_rad, pose.lat_rad))
 
 
+def pose_of(view: ViewState) -> Pose:
+    """Return the pose of a view without roll: `view_state` the other way round."""
+    lon, lat, height_m = (float(x) for x in geodesy.to_geodetic(view.eye))
+    camera_of_enu = view.rotation @ geodesy.enu_axes(lon, lat).T
+    heading = math.atan2(-camera_of_enu[0, 1], camera_of_enu[0, 0]) % (2 * math.pi)
+    pitch = math.atan2(-camera_of_enu[2, 2], camera_of_enu[1, 2])
+    return Pose(lon, lat, height_m, heading, pitch)
+
+
 def focal_px(height_px: int, fov_rad: float) -> float:
     """Return pixels per unit of slope for a vertical field of view."""
     return height_px / (2.0 * math.tan(fov_rad / 2.0))

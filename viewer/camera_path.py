@@ -166,10 +166,37 @@ def read_path(file: Path) -> CameraPath:
         path = msgspec.json.decode(text, type=PathFile)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise InputError(file, str(error), ADVICE) from error
+    return checked(file, path)
+
+
+def checked(file: Path, path: PathFile) -> CameraPath:
+    """Return the flight of a file that has all its fields.
+
+    Raises
+    ------
+    InputError
+        Naming the file and the first thing that is wrong.
+    """
     reason = _fault(path)
     if reason:
         raise InputError(file, reason, ADVICE)
     return CameraPath(path)
+
+
+def write_path(file: Path, path: PathFile) -> None:
+    """Write a camera path.
+
+    Raises
+    ------
+    InputError
+        When it is none that `read_path` would take, or the file can't be written.
+    """
+    checked(file, path)
+    try:
+        file.write_bytes(msgspec.json.format(msgspec.json.encode(path)) + b"\n")
+    except OSError as error:
+        reason = str(error.strerror or error)
+        raise InputError(file, reason, "choose a folder that can be written") from error
 
 
 def _fault(path: PathFile) -> str | None:

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Places by coordinates, and buildings by name or condition, a few at a time."""
+
+import math
+import re
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from geopage.find import find_in_parts, view_of
+from tiles.errors import InputError
+from tiles.store import Store
+from viewer.camera import Pose
+from viewer.navigation_arc import GroundBelow
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MOST = 50
+SLICE_S = 4e-3
+"""Of a frame, for searching."""
+NEAR_M = 2000.0
+"""Height above a place of which only longitude and latitude are known."""
+LOOK_RAD = math.radians(-30.0)
+NUMBER = r"[-+]?\d+(?:\.\d+)?"
+NEXT = r"[°\s]*[,;\s]\s*"
+PLACE = re.compile(rf"\s*({NUMBER}){NEXT}({NUMBER})(?:{NEXT}({NUMBER}))?\s*[m°]?\s*")
+NAMES = (
+    "name",
+    "addr:housename",
+    "address",
+    "addr:street",
+    "title",
+    "label",
+    "type",
+    "building",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """Something found."""
+
+    label: str
+    lon_deg: float
+    lat_deg: float
+    above_m: float
+    """height above ground from which to look"""
+    straight: bool = False
+    """look straight down"""
+
+    def pose(self, ground: GroundBelow) -> Pose:
+        """Return where to look at it from."""
+        lon, lat = math.radians(self.lon_deg), math.radians(self.lat_deg)
+        pitch = -math.pi / 2 if self.straight else LOOK_RAD
+        at = Pose(lon, lat, 0.0, 0.0, pitch)
+        return Pose(lon, lat, ground(at) + self.above_m, 0.0, pitch)
+
+
+class Search:
+    """One question at a time; `step` looks on for a few milliseconds.
+
+    Raises nothing: what is wrong with a question is its `message`.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._parts: Iterator[list[int]] | None = None
+        self.hits: list[Hit] = []
+        self.message = ""
+
+    @property
+    def on(self) -> bool:
+        """Whether it is still looking."""
+        return self._parts is not None
+
+    def ask(self, words: str) -> None:
+        """Begin to look for something."""
+        self.hits, self.message, self._parts = [], "", None
+        if not words.strip():
+            return
+        if (place := place_of(words)) is not None:
+            self.hits = [place]
+            return
+        try:
+            self._parts = find_in_parts(self._store, words)
+        except InputError as error:
+            self.message = str(error)
+
+    def step(self) -> bool:
+        """Look on; says whether there is anything new."""
+        if self._parts is None:
+            return False
+        ends_s = time.perf_counter() + SLICE_S
+        while time.perf_counter() < ends_s and self._parts is not None:
+            try:
+                ids = next(self._parts, None)
+            except InputError as error:
+                self.message, ids = str(error), None
+            if ids is None or len(self.hits) >= MOST:
+                self._end(more=ids is not None)
+            else:
+                self._add(ids)
+        return True
+
+    def _add(self, ids: list[int]) -> None:
+        room = MOST - len(self.hits)
+        self.hits += [hit_of(one) for one in self._store.objects(ids[:room])]
+
+    def _end(self, *, more: bool) -> None:
+        self._parts = None
+        if not self.message:
+            count = f"{len(self.hits)} found" if self.hits else "nothing found"
+            self.message = f"the first {MOST}" if more else count
+
+
+def place_of(words: str) -> Hit | None:
+    """Read LAT, LON and perhaps a height above ground; None where it is no place."""
+    form = PLACE.fullmatch(words)
+    if form is None:
+        return None
+    lat, lon = float(form[1]), float(form[2])
+    if not (-90 <= lat <= 90 and -180 <= lon <= 360):
+        return None
+    above_m = float(form[3]) if form[3] else NEAR_M
+    return Hit(f"{lat:g}, {lon:g}", lon, lat, max(above_m, 2.0), straight=True)
+
+
+def hit_of(found: dict[str, Any]) -> Hit:
+    """Return an object of the store as a hit."""
+    lat, lon, above_m = (float(part) for part in view_of(found).split(","))
+    return Hit(title_of(found), lon, lat, above_m)
+
+
+def title_of(found: dict[str, Any]) -> str:
+    """Return what a person would call an object."""
+    attributes = found["attributes"]
+    named = next((str(attributes[n]) for n in NAMES if attributes.get(n)), "")
+    height = f"{found['height_m']:.0f} m high"
+    return f"{named} ({height})" if named else f"object {found['id']}, {height}"
