@@ -21,7 +21,7 @@ from tiles.source_posts import read_rasters, terrain_sources
 from tiles.store import Store
 from viewer.camera import Pose, pixel_rays, view_state
 from viewer.drawn_surface import DrawnTiles
-from viewer.geometric_error import FrameError, Seen, geometric_error
+from viewer.geometric_error import FrameError, Hits, Seen, geometric_error
 from viewer.progress import bar
 from viewer.random_views import boxes_of, random_poses
 from viewer.renderer import Renderer
@@ -52,11 +52,34 @@ class Judge:
         self.tree = read_tree(session.store)
         self._tiles = DrawnTiles(session.store, session.pager.forests[Lane.TERRAIN])
 
-    def judge(self, drawn: DrawList, seen: Seen, threshold_px: float) -> FrameError:
-        """Measure what was drawn from a list."""
-        surface = self._tiles.surface(drawn.terrain)
-        errors = self._tiles.leaf_error_m(drawn.terrain)
-        return geometric_error(self.tree, surface, errors, seen, threshold_px)
+    def judge(
+        self,
+        drawn: DrawList,
+        seen: Seen,
+        threshold_px: float,
+        *,
+        tiles: DrawnTiles | None = None,
+        hits: Hits | None = None,
+        silhouettes: bool = True,
+    ) -> FrameError:
+        """Measure what was drawn from a list.
+
+        Parameters
+        ----------
+        tiles : what was drawn, where it is not what the store holds
+        hits, silhouettes : as in `geometric_error`
+        """
+        tiles = tiles or self._tiles
+        surface, errors = tiles.surface(drawn.terrain), tiles.leaf_error_m(drawn.terrain)
+        return geometric_error(
+            self.tree,
+            surface,
+            errors,
+            seen,
+            threshold_px,
+            hits=hits,
+            silhouettes=silhouettes,
+        )
 
 
 def read_tree(store: Store) -> PostTree:

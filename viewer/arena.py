@@ -8,15 +8,17 @@ from numpy.typing import NDArray
 
 from tiles import cells
 from tiles.forest import Forest
+from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.mesh import VERTEX, Mesh
 from tiles.objects import ObjectTile
 from tiles.terrain import TEXTURE_BYTES, TerrainTile
 from viewer.allocator import FirstFit
 from viewer.buffers import LargeBuffer
+from viewer.coats import Coats
 from viewer.gl import Gl
 from viewer.slots import ObjectPool, make_slots, noise_of
-from viewer.textures import MAX_LAYERS, TextureLayers
+from viewer.textures import MAX_LAYERS, TextureLayers, shows_water
 
 INDEX_BYTES = 2
 MIB = 1 << 20
@@ -54,7 +56,10 @@ class Arena:
         self._index_room = FirstFit(size.index_bytes // INDEX_BYTES)
         self.textures = TextureLayers(gl, size.layers)
         self.pool = ObjectPool(size.objects)
-        counts = {lane: len(forest.records) for lane, forest in forests.items()}
+        records = {lane: forest.records for lane, forest in forests.items()}
+        none = np.zeros(0, INDEX)
+        self.coats = Coats(gl, records.get(Lane.OBJECTS, none), self.pool)
+        counts = {lane: len(rows) for lane, rows in records.items()}
         self.slots = {lane: make_slots(counts.get(lane, 0)) for lane in Lane}
 
     def put(self, lane: Lane, row: int, tile: TerrainTile | ObjectTile) -> bool:
@@ -68,6 +73,8 @@ class Arena:
             fits = self._put_terrain(slot, tile)
         else:
             fits = self.pool.put(slot, tile)
+            if fits:
+                self.coats.put(slot)
             slot["seed"] = hash(tile.cell) & 0xFFFFF
         if not fits:
             self._free_mesh(slot)
@@ -96,6 +103,7 @@ class Arena:
             return False
         slot["layer"], slot["noise"] = layer, noise_of(tile.cell)
         slot["box_rad"] = cells.bounds_rad(tile.cell)
+        slot["wet"] = shows_water(tile.texture)
         slot["surface_count"] = tile.surface_index_count
         return True
 
@@ -126,6 +134,7 @@ class Arena:
         """Free the GPU's memory."""
         self.vertices.release()
         self.indices.release()
+        self.coats.release()
         names = np.array([self.textures.name], np.uint32)
         self._gl.call("glDeleteTextures", 1, names.ctypes.data)
 

@@ -11,13 +11,23 @@ from geopage.settings import MIB, PagerSettings
 from tiles.errors import InputError
 from viewer.bench_chart import bench_chart
 from viewer.bench_methods import METHODS, SETTLED, Method, that_differ
-from viewer.bench_modes import Course, key_frames, paced, settled, time_in_turn
+from viewer.bench_modes import (
+    Course,
+    Hurried,
+    key_frames,
+    paced,
+    settled,
+    time_in_turn,
+    views_of,
+)
 from viewer.bench_page import FRAMES, Triple, bench_page, write_triple
 from viewer.bench_score import Scorer, Scores
 from viewer.bench_table import as_csv
 from viewer.camera_path import CameraPath, read_path
 from viewer.charts import pyplot
+from viewer.key_frames import WIDTH_PX
 from viewer.machine import machine
+from viewer.poses import Flight
 from viewer.progress import bar
 from viewer.run import Run, make_folders
 from viewer.session import Picture, Session
@@ -27,6 +37,8 @@ QUICK_PX = (1.0, 4.0, 16.0)
 KEY_FRAMES, QUICK_FRAMES = 12, 6
 QUICK_S = 4.0
 FLOOR_FRAMES, QUICK_FLOOR = 100_000, 40
+QUICK_WIDTH_PX = 128
+"""About so many pixels of a line are judged against the sources"""
 SHOWN_PX = 2.0
 """Pictures are shown of the coarsest threshold and of the one nearest to this."""
 FINER, FINEST_PX = 4.0, 0.125
@@ -81,8 +93,8 @@ def bench(store: Path, what: Bench, methods: Sequence[Method] = METHODS) -> Json
         apart = that_differ(methods, session.pager.forests)
         course = course_of(store, what, path)
         about = about_of(what, course, reference_px, machine(session.renderer.gl))
-        scorer = Scorer(session, reference_px)
-        cases = list(cases_of(apart, what.sweep))
+        scorer = Scorer(session, reference_px, QUICK_WIDTH_PX if what.quick else WIDTH_PX)
+        cases = list(cases_of(apart, what.sweep, quick=what.quick))
         rows: dict[Case, Json] = {}
         triples: dict[Case, Triple] = {}
         with bar("measuring", len(cases), "runs") as show:
@@ -92,30 +104,42 @@ def bench(store: Path, what: Bench, methods: Sequence[Method] = METHODS) -> Json
                 if scores.worst and case[2] in shown(what.sweep):
                     triples[case] = write_triple(what.out, rows[case], scores.worst)
                 show(len(rows))
+        scorer.stages.close()
     table = [rows[case] for case in cases]
     write(what.out, table, about, [triples[case] for case in cases if case in triples])
     return {"about": about, "rows": table}
 
 
-def cases_of(methods: Sequence[Method], sweep: Sequence[float]) -> Iterator[Case]:
-    """Return what is measured, in the order of the table."""
+def cases_of(
+    methods: Sequence[Method], sweep: Sequence[float], *, quick: bool = False
+) -> Iterator[Case]:
+    """Return what is measured, in the order of the table.
+
+    Parameters
+    ----------
+    quick : fly only our own method and those that differ in motion alone
+    """
     for method in methods:
         for mode in method.modes:
             for threshold_px in sweep:
-                yield method, mode, threshold_px
+                if mode == SETTLED or not quick or method.is_ours or method.moves:
+                    yield method, mode, threshold_px
 
 
 def measured(
     scorer: Scorer, course: Course, cases: Sequence[Case]
 ) -> Iterator[tuple[Case, Json, Scores]]:
     """Measure cases, those that are compared soon after each other."""
+    surface, size_px = scorer.session.surface, scorer.session.picture.size_px
+    views = views_of(course, Flight(course.path, surface, size_px))
     still = [case for case in cases if case[1] == SETTLED]
-    frames = [key_frames(scorer.session, course, case[0], case[2]) for case in still]
+    frames = [key_frames(scorer, views, case[0], case[2]) for case in still]
     times = time_in_turn(scorer, frames)
     for case, own, frame_ms in zip(still, frames, times, strict=True):
         yield case, *settled(scorer, own, frame_ms, case[2])
+    flight = Hurried(course.path, surface, size_px, course.seconds)
     for case in sorted(set(cases) - set(still), key=lambda c: (c[2], cases.index(c))):
-        yield case, *paced(scorer, course, case[0], case[2])
+        yield case, *paced(scorer, course, flight, case[0], case[2])
 
 
 def course_of(store: Path, what: Bench, path: CameraPath) -> Course:

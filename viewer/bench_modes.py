@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 
 from geopage.draw_list import DrawList
+from geopage.policies.oracle import Oracle
+from geopage.settings import PagerSettings
 from geopage.view import ViewState
 from tiles.errors import InputError
 from tiles.frames import Floats
 from tiles.surface import Surface
 from viewer.bench_methods import Method
-from viewer.bench_score import KeyFrame, Scorer, Scores
+from viewer.bench_score import Frame, KeyFrame, Scorer, Scores
 from viewer.camera_path import CameraPath
 from viewer.flight import FRAME_S, Recording, fly_paced
+from viewer.paging import Paging
 from viewer.poses import Flight
 from viewer.replay import Replay, distinct_bytes, look_again, time_again
 from viewer.report import frame_figures, percentiles
@@ -67,18 +70,31 @@ class Course:
     """About so many frames of a paced flight are timed again"""
 
 
-def key_frames(
-    session: Session, course: Course, method: Method, threshold_px: float
-) -> list[KeyFrame]:
-    """Return what a method draws, settled, at moments spread evenly over the path."""
-    flight = Flight(course.path, session.surface, session.picture.size_px)
+def moments(course: Course) -> list[float]:
+    """Return the times of the key frames on the path's own clock, spread evenly, s."""
     last_s = max(course.path.duration_s - FRAME_S, 0.0)
-    forests, frames = session.pager.forests, []
-    for t_s in np.linspace(0.0, last_s, course.key_frames).tolist():
-        views = flight.view(t_s), flight.view(t_s + FRAME_S)
-        drawn = (method.draw_list(forests, view, threshold_px) for view in views)
-        frames.append(KeyFrame(*zip(views, drawn, strict=True)))
-    return frames
+    return [float(t_s) for t_s in np.linspace(0.0, last_s, course.key_frames)]
+
+
+def views_of(course: Course, flight: Flight) -> list[tuple[ViewState, ViewState]]:
+    """Return the views of the key frames, and of the frames after them."""
+    times_s = moments(course)
+    return [(flight.view(t_s), flight.view(t_s + FRAME_S)) for t_s in times_s]
+
+
+def key_frames(
+    scorer: Scorer,
+    views: Sequence[tuple[ViewState, ViewState]],
+    method: Method,
+    threshold_px: float,
+) -> list[KeyFrame]:
+    """Return what a method draws, settled, in some views."""
+
+    def frame(view: ViewState) -> Frame:
+        drawn = scorer.stages.draw_list(method, view, threshold_px)
+        return Frame(view, drawn, method.mesh)
+
+    return [KeyFrame(frame(now), frame(after)) for now, after in views]
 
 
 def time_in_turn(scorer: Scorer, cases: Sequence[Sequence[KeyFrame]]) -> list[Floats]:
@@ -107,7 +123,7 @@ def settled(
     ----------
     frames, frame_ms : of `key_frames` and `time_in_turn`
     """
-    session = scorer.session
+    session = scorer.stages.session(frames[0].now.mesh)
     stats = [scorer.draw(frame.now) for frame in frames]
     took = percentiles(np.median(frame_ms, axis=0))
     figures = {
@@ -115,33 +131,30 @@ def settled(
         **{f"frame_{key}_ms": value for key, value in took.items()},
         "frame_spread_ms": float(np.median(np.ptp(frame_ms, axis=0))),
         **{name: float(np.mean([getattr(one, name) for one in stats])) for name in DRAWN},
-        **drawn_bytes(session, [frame.now[1] for frame in frames]),
+        **drawn_bytes(session, [frame.now.drawn for frame in frames]),
         **known(look(session, frames)),
     }
-    scores = scorer.score(frames, threshold_px, keep=True)
+    scores = scorer.score(frames, threshold_px)
     return {**figures, **scores.figures()}, scores
 
 
 def paced(
-    scorer: Scorer, course: Course, method: Method, threshold_px: float
+    scorer: Scorer, course: Course, flight: Hurried, method: Method, threshold_px: float
 ) -> tuple[Json, Scores]:
     """Fly a method in real time, then judge frames of that flight."""
     settings = method.settings(threshold_px, course.budget_bytes)
-    picture = scorer.session.picture
-    with Session(course.store, settings, picture) as session:
-        flight = Hurried(course.path, session.surface, picture.size_px, course.seconds)
+    picture, gl = scorer.session.picture, scorer.session.renderer.gl
+    with Session(course.store, settings, picture, context=gl) as session:
         recording = fly_paced(session, flight, lambda done: None)
         session.pager.close()
         part = spread(len(recording.views), course.floor_frames)
         floor_ms = time_again(session, only(recording, part), lambda done: None)
         bytes_read = session.pager.counters["bytes_read"]
-    lists, views = recording.lists, recording.views
-    if len(views) < 2:
+    lists = recording.lists
+    if len(lists) < 2:
         raise InputError(course.path.name, "is over before two frames", "fly it longer")
-    keys = [
-        KeyFrame((views[i], lists[i]), (views[i + 1], lists[i + 1]))
-        for i in nearest([view.t_s for view in views[:-1]], course.key_frames, flight)
-    ]
+    times_s = [t_s * course.seconds / course.path.duration_s for t_s in moments(course)]
+    keys = shown_at(recording, flight, times_s)
     table, played = recording.table(), look(scorer.session, keys)
     flown = frame_figures(table, played, paced=True)
     figures = {
@@ -154,17 +167,35 @@ def paced(
         **{name: float(table[name].mean()) for name in DRAWN},
         **drawn_bytes(scorer.session, lists),
         "bytes_read": bytes_read,
+        **(oracle(course, flight, settings) if method.is_ours else {}),
         "stand_in_frames": flown["with_stand_ins"],
         **known(played),
     }
-    scores = scorer.score(keys, threshold_px, keep=False)
+    scores = scorer.score(keys, threshold_px)
     return {**figures, **scores.figures()}, scores
+
+
+def oracle(course: Course, flight: Flight, settings: PagerSettings) -> Json:
+    """Return what a pager reads that knows the whole flight: by a virtual clock."""
+    paging = Paging(course.store, replace(settings, policy="oracle"))
+    with paging.pager as pager:
+        if isinstance(pager.policy, Oracle):
+            paging.foresee(pager.policy, flight)
+        start_s = paging.settle(flight.view(0.0))
+        for i in range(round(course.seconds / FRAME_S)):
+            paging.frame(flight.view(i * FRAME_S))
+            now_s = start_s + i * FRAME_S
+            pager.advance(now_s, now_s + FRAME_S)
+        counted = pager.counters
+    return {"oracle_bytes": counted["bytes_read"], "oracle_tiles": counted["tiles_loaded"]}
 
 
 def look(session: Session, frames: Sequence[KeyFrame]) -> Replay:
     """Look for holes, and at the selection's own error, in key frames."""
-    views, lists = zip(*(frame.now for frame in frames), strict=True)
-    recording = Recording(views=list(views), lists=list(lists))
+    recording = Recording(
+        views=[frame.now.view for frame in frames],
+        lists=[frame.now.drawn for frame in frames],
+    )
     return look_again(session, recording, np.zeros(0), None, lambda done: None)
 
 
@@ -180,11 +211,18 @@ def drawn_bytes(session: Session, lists: list[DrawList]) -> Json:
     return {"bytes": size, "tiles": count}
 
 
-def nearest(times_s: list[float], count: int, flight: Flight) -> list[int]:
-    """Return the frames next to moments spread over a flight, so that runs compare."""
-    wanted = np.linspace(0.0, flight.path.duration_s, count)
-    away_s = np.abs(np.subtract.outer(np.array(times_s), wanted))
-    return [int(i) for i in np.unique(away_s.argmin(axis=0))]
+def shown_at(recording: Recording, flight: Flight, times_s: list[float]) -> list[KeyFrame]:
+    """Return what a flight drew at some moments, from where the path is just then.
+
+    So all flights are judged at the same poses, whenever their frames began.
+    """
+    began_s = [view.t_s for view in recording.views]
+
+    def at(t_s: float) -> Frame:
+        last = max(int(np.searchsorted(began_s, t_s, side="right")) - 1, 0)
+        return Frame(flight.view(t_s), recording.lists[last])
+
+    return [KeyFrame(at(t_s), at(t_s + FRAME_S)) for t_s in times_s]
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -9,7 +9,7 @@ drawn by the same renderer with everything resident.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,25 @@ from tiles.errors import InputError
 from tiles.lanes import Lane
 from tiles.source_posts import terrain_sources
 from viewer.accuracy import Judge, Judged, Tally, seen_in, without_objects
+from viewer.bench_stage import Stages
 from viewer.flip import F4, Prepared, compare, prepare
 from viewer.frame_stats import FrameStats
+from viewer.geometric_error import Hits, reference
 from viewer.key_frames import MOST_POSTS, WIDTH_PX, thinned
 from viewer.popping import popping
 from viewer.session import Session
 
 Json = dict[str, Any]
 Rgb = NDArray[np.uint8]
-Frame = tuple[ViewState, DrawList]
+
+
+class Frame(NamedTuple):
+    """One frame that can be drawn again."""
+
+    view: ViewState
+    drawn: DrawList
+    mesh: str = ""
+    """Kind of mesh that it is drawn with: `Method.mesh`"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,15 +103,25 @@ ERRORS = ("p50", "p95", "p99", "max")
 
 
 class Scorer:
-    """Draws and judges key frames in a session whose pager stands still."""
+    """Draws and judges key frames in sessions whose pagers stand still.
 
-    def __init__(self, session: Session, reference_px: float) -> None:
+    Parameters
+    ----------
+    judged_px : about so many pixels of a line are judged against the sources
+    """
+
+    def __init__(
+        self, session: Session, reference_px: float, judged_px: int = WIDTH_PX
+    ) -> None:
         self.session, self.reference_px = session, reference_px
+        self.stages = Stages(session)
+        self._judged_px = judged_px
         sources = terrain_sources(session.store)
         posts = sum(int(s["width"]) * int(s["height"]) for s in sources)
         self._judge = Judge(session) if posts <= MOST_POSTS else None
-        self._known: dict[tuple[float, float], Reference] = {}
-        self._judged: dict[tuple[float, float, bytes], Judged] = {}
+        self._hits: dict[bytes, Hits] = {}
+        self._known: dict[tuple[bytes, bytes], Reference] = {}
+        self._judged: dict[tuple[bytes, float, str, bytes], Judged] = {}
 
     def draw(self, frame: Frame) -> FrameStats:
         """Draw a frame with all its tiles.
@@ -111,31 +131,25 @@ class Scorer:
         InputError
             When they need more memory than there is.
         """
-        view, drawn = frame
-        self.session.hold(drawn)
+        view, drawn, mesh = frame
+        session = self.stages.session(mesh)
+        session.hold(drawn)
         for lane, rows in ((Lane.TERRAIN, drawn.terrain), (Lane.OBJECTS, drawn.objects)):
-            if not self.session.renderer.arena.slots[lane]["uploaded"][rows].all():
+            if not session.renderer.arena.slots[lane]["uploaded"][rows].all():
                 reason = f"one frame at {drawn.threshold_px:g} px does not fit in memory"
                 raise InputError(f"t = {view.t_s:g} s", reason, "raise --budget")
-        return self.session.renderer.draw(drawn, view)
+        return session.renderer.draw(drawn, view)
 
     def picture(self, frame: Frame) -> Rgb:
         """Return a frame's picture, (h, w, 3) sRGB."""
         self.draw(frame)
-        return self.session.renderer.read_rgb()
+        return self.stages.session(frame.mesh).renderer.read_rgb()
 
-    def score(
-        self, frames: Sequence[KeyFrame], threshold_px: float, *, keep: bool
-    ) -> Scores:
-        """Judge key frames.
-
-        Parameters
-        ----------
-        keep : the references will be asked for again
-        """
+    def score(self, frames: Sequence[KeyFrame], threshold_px: float) -> Scores:
+        """Judge key frames."""
         scores = Scores(Tally(threshold_px))
         for frame in frames:
-            self._add(scores, frame, self._reference(frame, keep=keep))
+            self._add(scores, frame, self._reference(frame))
             if self._judge:
                 scores.tally.add(self._measure(self._judge, frame.now, threshold_px))
         return scores
@@ -151,35 +165,45 @@ class Scorer:
         scores.flip.append(found := float(difference.mean()))
         scores.popping.append(popping(change, reference.change))
         if scores.worst is None or found > scores.worst.flip:
-            t_s = frame.now[0].t_s
+            t_s = frame.now.view.t_s
             scores.worst = Worst(t_s, found, rgb, reference.rgb, difference)
 
     def _measure(self, judge: Judge, frame: Frame, threshold_px: float) -> Judged:
         """Measure the terrain's geometric error, as `fly` does."""
-        view, bare = frame[0], without_objects(frame[1])
+        view, bare, mesh = frame._replace(drawn=without_objects(frame.drawn))
         # Methods that differ in objects alone draw the same terrain.
-        key = view.t_s, threshold_px, bare.terrain.tobytes()
+        key = pose_of(view), threshold_px, mesh, bare.terrain.tobytes()
         if key not in self._judged:
-            self.draw((view, bare))
-            every = max(1, view.width_px // WIDTH_PX)
-            seen = thinned(seen_in(self.session.renderer, view), every)
-            error = judge.judge(bare, seen, threshold_px)
+            self.draw(Frame(view, bare, mesh))
+            every = max(1, view.width_px // self._judged_px)
+            seen = thinned(seen_in(self.stages.session(mesh).renderer, view), every)
+            if key[0] not in self._hits:
+                self._hits[key[0]] = reference(judge.tree, seen)
+            error = judge.judge(
+                bare,
+                seen,
+                threshold_px,
+                tiles=self.stages.tiles(mesh),
+                hits=self._hits[key[0]],
+                silhouettes=False,
+            )
             self._judged[key] = Judged({"t_s": view.t_s}, error)
         return self._judged[key]
 
-    def _reference(self, frame: KeyFrame, *, keep: bool) -> Reference:
-        key = frame.now[0].t_s, frame.after[0].t_s
-        if key in self._known:
-            return self._known[key]
-        rgb, after = (
-            self.picture(self._finest(view)) for view, _ in (frame.now, frame.after)
-        )
-        seen = prepare(rgb)
-        reference = Reference(rgb, seen, compare(seen, prepare(after)))
-        if keep:
-            self._known[key] = reference
-        return reference
+    def _reference(self, frame: KeyFrame) -> Reference:
+        key = pose_of(frame.now.view), pose_of(frame.after.view)
+        if key not in self._known:
+            views = frame.now.view, frame.after.view
+            rgb, after = (self.picture(self._finest(view)) for view in views)
+            seen = prepare(rgb)
+            self._known[key] = Reference(rgb, seen, compare(seen, prepare(after)))
+        return self._known[key]
 
     def _finest(self, view: ViewState) -> Frame:
         finest = self.reference_px
-        return view, ideal(self.session.pager.forests, view, finest, finest)
+        return Frame(view, ideal(self.session.pager.forests, view, finest, finest))
+
+
+def pose_of(view: ViewState) -> bytes:
+    """Return what tells views apart, but for their time."""
+    return bytes(view.eye) + view.rotation.tobytes()

@@ -60,6 +60,13 @@ COLUMNS = (
     ),
     Column("tiles", "how many tiles these are"),
     Column("bytes_read", "paced: what the pager did read"),
+    Column(
+        "oracle_bytes",
+        "paced, geopage: what a pager reads that knows the whole flight, by a virtual"
+        " clock; a floor of bytes_read",
+        "the clairvoyant pager of `geopage replay`",
+    ),
+    Column("oracle_tiles", "and the tiles that it loads"),
     Column("stand_in_frames", "paced: frames in which a coarser tile stood in for one"),
     Column(
         "selection_error_px",

@@ -161,12 +161,14 @@ def flight_over_time(
     floor_ms: Any,
     error_px: Any,
     measured: Sequence[Json] = (),
+    limit_ms: float | None = None,
 ) -> None:
     """Draw one flight: height, frame time beside its floor, errors, memory.
 
     Parameters
     ----------
     measured : key frames with their time `t_s` and measured `p50` and `p95`, px
+    limit_ms : the frame budget, if one was held, by other thresholds
     """
     plt = pyplot(out)
     figure, rows = plt.subplots(4, 1, figsize=(8, 8), sharex=True)
@@ -176,16 +178,20 @@ def flight_over_time(
     rows[0].set_ylabel("height, m")
     rows[1].plot(t, table["frame_ms"], color=COLOURS[1], label="flight", lw=1)
     rows[1].plot(t, floor_ms, color="#444444", label="resident replay (floor)", lw=1)
+    if limit_ms is not None:
+        rows[1].plot(t, table["expected_ms"], color=COLOURS[5], label="expected", lw=1)
+        rows[1].axhline(limit_ms, color="#444444", ls="--", lw=1, label="budget")
+        rows[2].plot(t, table["threshold_px"], color=COLOURS[5], label="threshold", lw=1)
     rows[1].set_ylabel("frame, ms")
     rows[1].set_ylim(0, None)
-    rows[1].legend(frameon=False, ncols=2)
+    rows[1].legend(frameon=False, ncols=4)
     rows[2].plot(t, error_px, color=COLOURS[2], label="known to the selection")
     judged = [frame for frame in measured if "p95" in frame]
     for mark, key in (("o", "p95"), (".", "p50")):
         if judged:
             at, found = zip(*((frame["t_s"], frame[key]) for frame in judged), strict=True)
             rows[2].plot(at, found, mark, color="#444444", label=f"measured, {key}")
-    rows[2].legend(frameon=False, ncols=3)
+    rows[2].legend(frameon=False, ncols=4)
     rows[2].set_ylabel("error, px")
     rows[3].plot(t, table["memory_bytes"] / 2**20, color=COLOURS[3], label="accounted")
     rows[3].axhline(budget_bytes / 2**20, color="#444444", ls="--", lw=1, label="budget")

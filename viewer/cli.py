@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`geopage render`, `fly`, `accuracy`, `chart`, `demo` and `doctor`."""
+"""`geopage render`, `fly`, `accuracy`, `chart` and `demo`."""
 
 import argparse
 import sys
@@ -94,6 +94,12 @@ def fly(words: list[str]) -> int:
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--paced", action="store_true", help="in real time (default)")
     how.add_argument("--settled", action="store_true", help="wait at every pose")
+    how.add_argument(
+        "--pairs",
+        type=whole,
+        metavar="N",
+        help="N paced flights, each beside its floors; writes pairs.json alone",
+    )
     parser.add_argument("--poses", type=int, default=60, help="of a settled flight")
     parser.add_argument("--policy", choices=POLICIES, default="benefit")
     parser.add_argument("--throttle", type=THROTTLE, metavar="MIB_PER_S,LATENCY_MS")
@@ -110,6 +116,13 @@ def fly(words: list[str]) -> int:
         default=DETAILS[0],
         help="by size alone, or less of it where things move fast across the screen",
     )
+    parser.add_argument(
+        "--fps",
+        type=positive,
+        default=0.0,
+        metavar="N",
+        help="hold N frames per second by coarser detail, chosen by predicted cost",
+    )
     parser.add_argument("--film", type=Path, metavar="OUT.mp4")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     drawing(parser)
@@ -117,11 +130,15 @@ def fly(words: list[str]) -> int:
     given = parser.read(words)
     if given.poses < 2:
         parser.error("--poses is below 2")
+    if given.settled and given.fps:
+        parser.error("--fps is for flights in real time")
+    if given.pairs:
+        return fly_pairs(given)
     from viewer.run import Run  # noqa: PLC0415  (opens GL)
     from viewer.run import fly as fly_path  # noqa: PLC0415
 
     run = Run(given.path, given.out, not given.settled, given.poses, given.film)
-    run = replace(run, style=given.style)
+    run = replace(run, style=given.style, fps=given.fps)
     report = fly_path(given.store, settings_of(given), picture_of(given), run)
     if given.json:
         print_json(report)
@@ -131,11 +148,34 @@ def fly(words: list[str]) -> int:
     return 0
 
 
+def fly_pairs(given: argparse.Namespace) -> int:
+    """Fly a camera path several times beside its floors."""
+    from viewer import pairs  # noqa: PLC0415  (opens GL)
+
+    found = pairs.fly_pairs(
+        given.store, settings_of(given), picture_of(given), given.path, given.pairs
+    )
+    pairs.write(found, given.out)
+    if given.json:
+        print_json(found)
+    else:
+        print("\n".join(pairs.lines(found)))
+    return 0
+
+
 def summary(report: dict[str, Any]) -> str:
-    """Say in three lines what a flight was like."""
+    """Say in a few lines what a flight was like."""
     frames, floor, error = report["frames"], report["floor"], report["screen_error_px"]
     io, memory = report["io"], report["memory"]
     waits = f", {frames['waits']} waits" if "waits" in frames else ""
+    held = report.get("frame_budget")
+    rate = (
+        f"\n{held['share_within']:.0%} of frames within {held['budget_ms']:.1f} ms,"
+        f" at thresholds of {held['threshold_px']['p50']:.2f} px (median) to"
+        f" {held['threshold_px']['max']:.2f} px"
+        if held
+        else ""
+    )
     return (
         f"{frames['count']} frames: mean {frames['mean_ms']:.1f} ms,"
         f" sd {frames['sd_ms']:.1f}, median {frames['p50_ms']:.1f}"
@@ -145,6 +185,7 @@ def summary(report: dict[str, Any]) -> str:
         f" screen error p50 {error['p50']:.2f} px, p95 {error['p95']:.2f} px\n"
         f"{io['tiles_loaded']} tiles, {io['bytes_read'] / 1e6:.1f} MB read,"
         f" peak {memory['peak_bytes'] / MIB:.0f} of {memory['budget_bytes'] / MIB:.0f} MiB"
+        + rate
     )
 
 
@@ -210,28 +251,6 @@ def demo(words: list[str]) -> int:
 
     make_demo(given.out)
     print(f"open {given.out / 'index.html'}")
-    return 0
-
-
-def doctor(words: list[str]) -> int:
-    """Say what this machine can draw with."""
-    parser = Parser(
-        "doctor", "Say which OpenGL driver is found and which fast paths it has."
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    given = parser.read(words)
-    from viewer.doctor import examine  # noqa: PLC0415  (opens GL)
-
-    found = examine()
-    if given.json:
-        print_json(found)
-        return 0
-    paths = found.pop("fast_paths")
-    for key, value in found.items():
-        sys.stdout.write(f"{key.replace('_', ' ')}: {value}\n")
-    if isinstance(paths, dict):
-        for what, there in paths.items():
-            sys.stdout.write(f"  {what}: {'yes' if there else 'no'}\n")
     return 0
 
 

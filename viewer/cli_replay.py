@@ -11,10 +11,10 @@ from geopage.settings import MIB, REPLAYED, PagerSettings, Throttle
 from tiles.errors import InputError
 from tiles.store import Store
 from tiles.surface import Surface
-from viewer.camera_path import read_path
 from viewer.paging import page_flight
 from viewer.poses import Flight
 from viewer.progress import bar
+from viewer.recorded import read_flight
 
 THROTTLE = numbers(2, "MIB_PER_S,LATENCY_MS", ((1e-6, 1e6), (0, 1e6)))
 Row = dict[str, Any]
@@ -45,7 +45,7 @@ def replay(words: list[str]) -> int:
         " is there before the clock starts, and is not counted.",
     )
     parser.add_argument("store", type=Path)
-    parser.add_argument("path", type=Path, metavar="PATH.json")
+    parser.add_argument("path", type=Path, metavar="PATH.json|FRAMES.csv")
     parser.add_argument(
         "--policy",
         type=policies,
@@ -92,7 +92,7 @@ def shares(text: str) -> tuple[float, ...]:
 
 def run(given: argparse.Namespace) -> list[Row]:
     """Page the flight for each policy and each throttle."""
-    path = read_path(given.path)
+    path = read_flight(given.path)
     with Store(given.store) as store:
         surface = Surface(store)
         if not len(surface.forest.records):

@@ -69,13 +69,17 @@ class DrawnTiles:
         if row in self._cache:
             self._cache.move_to_end(row)
             return self._cache[row]
-        record = self._forest.records[row]
-        key = int(record["cell"]), int(record["row"]), int(record["check"])
-        found = boxes_of(terrain.decode(self._store.checked_body(Lane.TERRAIN, *key)))
+        found = boxes_of(self.read(row))
         self._cache[row] = found
         if len(self._cache) > CACHE_TILES:
             self._cache.popitem(last=False)
         return found
+
+    def read(self, row: int) -> TerrainTile:
+        """Return the tile in a row of the forest."""
+        record = self._forest.records[row]
+        key = int(record["cell"]), int(record["row"]), int(record["check"])
+        return terrain.decode(self._store.checked_body(Lane.TERRAIN, *key))
 
     def surface(self, rows: NDArray[np.int32]) -> DrawnSurface:
         """Return the surface of the tiles in rows of the forest."""

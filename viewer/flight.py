@@ -2,6 +2,7 @@
 """Fly a camera path, in real time or settled, and record every frame."""
 
 import gc
+import math
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -12,9 +13,10 @@ from numpy.typing import NDArray
 
 from geopage.draw_list import DrawList
 from geopage.view import ViewState
-from tiles.geodesy import to_geodetic
 from viewer import gil
+from viewer.camera import pose_of
 from viewer.frame_stats import FrameStats
+from viewer.governor import Governor
 from viewer.memory import Preemption, resident_bytes
 from viewer.poses import Flight
 from viewer.session import Session
@@ -25,6 +27,8 @@ FRAME = np.dtype(
         ("lat_deg", "f8"),
         ("lon_deg", "f8"),
         ("height_m", "f8"),
+        ("heading_deg", "f8"),
+        ("pitch_deg", "f8"),
         ("frame_ms", "f8"),
         ("upload_ms", "f8"),
         ("cull_ms", "f8"),
@@ -34,6 +38,8 @@ FRAME = np.dtype(
         ("gil_ms", "f8"),
         ("list_age_ms", "f8"),
         ("screen_error_px", "f8"),
+        ("threshold_px", "f8"),
+        ("expected_ms", "f8"),  # NaN without a frame budget
         ("triangles", "i8"),
         ("draw_calls", "i8"),
         ("objects", "i8"),
@@ -50,6 +56,7 @@ UPLOAD_S = 1.5e-3
 WARM_FRAMES = 3
 FRAME_S = 1 / 60
 """No frame begins sooner than this after the one before, as on a 60 Hz screen."""
+UNTIMED = (0.0, 0.0, 0.0, 0.0, 0, math.nan)
 Progress = Callable[[float], None]
 
 
@@ -69,8 +76,15 @@ class Recording:
         return np.array(self.frames, FRAME)
 
 
-def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording:
-    """Fly in real time: the clock runs, frames take what they take."""
+def fly_paced(
+    session: Session, flight: Flight, progress: Progress, governor: Governor | None = None
+) -> Recording:
+    """Fly in real time: the clock runs, frames take what they take.
+
+    Parameters
+    ----------
+    governor : holds a frame rate; it may change the thresholds in every frame
+    """
     recording = Recording(rss_before_bytes=resident_bytes())
     pager, renderer, feeder = session.pager, session.renderer, session.feeder
     pager.view(flight.view(0.0))
@@ -82,6 +96,7 @@ def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording
     for _ in range(WARM_FRAMES):
         renderer.draw(pager.draw_list(), flight.view(0.0))
     recording.settle_s = time.perf_counter() - start_s
+    pace_s = governor.budget.budget_ms / 1000 if governor else FRAME_S
     with quiet_collector(), gil.interval(gil.KEEP_S), closing(Preemption()) as preemption:
         start_s = time.perf_counter()
         while (now_s := time.perf_counter() - start_s) < flight.path.duration_s:
@@ -97,11 +112,15 @@ def fly_paced(session: Session, flight: Flight, progress: Progress) -> Recording
             clock.resume()
             age_ms = (view.t_s - drawn.view.t_s) * 1e3
             waited_ms, preempted_ms = clock.stood_still_ms()
-            timed = upload_ms, waited_ms + stats.gil_ms, preempted_ms, age_ms, moved
+            waited_ms += stats.gil_ms
+            expected_ms = math.nan
+            if governor:
+                expected_ms = governor.frame(view, stats, clock.frame_ms())
+            timed = upload_ms, waited_ms, preempted_ms, age_ms, moved, expected_ms
             record(session, recording, view, drawn, stats, timed, clock)
             progress(now_s)
             with gil.interval(gil.SHARE_S):
-                time.sleep(max(0.0, FRAME_S - clock.frame_ms() / 1e3))
+                time.sleep(max(0.0, pace_s - clock.frame_ms() / 1e3))
     return recording
 
 
@@ -115,7 +134,7 @@ def fly_settled(
         drawn, _ = session.settle(view)
         clock = FrameClock()
         stats = session.renderer.draw(drawn, view)
-        record(session, recording, view, drawn, stats, (0.0, 0.0, 0.0, 0.0, 0), clock)
+        record(session, recording, view, drawn, stats, UNTIMED, clock)
         progress(t_s)
     return recording
 
@@ -165,21 +184,23 @@ def record(
     view: ViewState,
     drawn: DrawList,
     stats: FrameStats,
-    timed: tuple[float, float, float, float, int],
+    timed: tuple[float, float, float, float, int, float],
     clock: FrameClock,
 ) -> None:
     """Write one frame down."""
-    upload_ms, wait_ms, preempted_ms, age_ms, moved = timed
+    upload_ms, wait_ms, preempted_ms, age_ms, moved, expected_ms = timed
     frame_ms = clock.frame_ms()
-    lon, lat, height_m = to_geodetic(view.eye)
+    pose = pose_of(view)
     recording.views.append(view)
     recording.lists.append(drawn)
     recording.frames.append(
         (
             view.t_s,
-            float(np.degrees(lat)),
-            float(np.degrees(lon)),
-            float(height_m),
+            math.degrees(pose.lat_rad),
+            math.degrees(pose.lon_rad),
+            pose.height_m,
+            math.degrees(pose.heading_rad),
+            math.degrees(pose.pitch_rad),
             frame_ms,
             upload_ms,
             stats.cull_ms,
@@ -189,6 +210,8 @@ def record(
             stats.gil_ms,
             age_ms,
             stats.screen_error_px,
+            drawn.threshold_px,
+            expected_ms,
             stats.triangles,
             stats.draw_calls,
             stats.objects,

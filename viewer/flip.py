@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.frames import Floats
+from tiles.kernels import kernel
 
 PX_PER_DEG = 0.7 * 3840 / 0.7 * math.pi / 180
 F4 = NDArray[np.float32]
@@ -51,7 +52,7 @@ class Prepared(NamedTuple):
 
 def prepare(rgb: NDArray[np.uint8]) -> Prepared:
     """Filter a picture, (h, w, 3) sRGB."""
-    linear = _linear(np.moveaxis(rgb, -1, 0).astype(np.float32) / np.float32(255))
+    linear = LINEAR[np.moveaxis(rgb, -1, 0)]
     opponent = _opponent(_times(TO_XYZ, linear))
     seen = np.stack([_contrast(*pair) for pair in zip(opponent, SENSITIVITY, strict=True)])
     inside = np.clip(_times(np.linalg.inv(TO_XYZ), _from_opponent(seen)), 0.0, 1.0)
@@ -82,13 +83,33 @@ TO_XYZ = _to_xyz()
 WHITE_XYZ = TO_XYZ.sum(axis=1)[:, None, None]
 
 
-def _times(matrix: F4, channels: F4) -> F4:
-    return np.asarray(np.tensordot(matrix, channels, 1), np.float32)
-
-
 def _linear(srgb: F4) -> F4:
     high = ((srgb + 0.055) / 1.055) ** 2.4
     return np.asarray(np.where(srgb > 0.04045, high, srgb / 12.92), np.float32)
+
+
+LINEAR = _linear(np.arange(256, dtype=np.float32) / np.float32(255))
+"""Of each 8-bit value"""
+
+
+def _times(matrix: F4, channels: F4) -> F4:
+    return _mix(np.ascontiguousarray(matrix, np.float32), np.ascontiguousarray(channels))
+
+
+@kernel
+def _mix(matrix: F4, channels: F4) -> F4:
+    out = np.empty_like(channels)
+    for i in range(3):
+        a, b, c = matrix[i, 0], matrix[i, 1], matrix[i, 2]
+        for row in range(channels.shape[1]):
+            for col in range(channels.shape[2]):
+                x, y, z = (
+                    channels[0, row, col],
+                    channels[1, row, col],
+                    channels[2, row, col],
+                )
+                out[i, row, col] = a * x + b * y + c * z
+    return out
 
 
 def _opponent(xyz: F4) -> F4:
@@ -165,12 +186,31 @@ def _feature(grey: F4, kind: Callable[[Floats, float], Floats]) -> F4:
 
 def _along(channel: F4, weights: Floats, axis: int) -> F4:
     """Correlate with weights of odd number along an axis; the border's pixels go on."""
-    reach = len(weights) // 2
-    wide = np.pad(
-        channel, [(reach, reach) if i == axis else (0, 0) for i in (0, 1)], "edge"
-    )
-    count = channel.shape[axis]
-    out = np.zeros_like(channel)
-    for k, weight in enumerate(weights.astype(np.float32)):
-        out += weight * (wide[k : k + count] if axis == 0 else wide[:, k : k + count])
+    taps = weights.astype(np.float32)
+    return _down(channel, taps) if axis == 0 else _across(channel, taps)
+
+
+@kernel
+def _down(channel: F4, weights: F4) -> F4:
+    height, width = channel.shape
+    reach, out = len(weights) // 2, np.zeros_like(channel)
+    for row in range(height):
+        for k in range(len(weights)):
+            other = min(max(row + k - reach, 0), height - 1)
+            for col in range(width):
+                out[row, col] += weights[k] * channel[other, col]
+    return out
+
+
+@kernel
+def _across(channel: F4, weights: F4) -> F4:
+    height, width = channel.shape
+    reach, out = len(weights) // 2, np.zeros_like(channel)
+    wide = np.empty(width + 2 * reach, np.float32)
+    for row in range(height):
+        wide[:reach], wide[reach + width :] = channel[row, 0], channel[row, width - 1]
+        wide[reach : reach + width] = channel[row]
+        for k in range(len(weights)):
+            for col in range(width):
+                out[row, col] += weights[k] * wide[col + k]
     return out

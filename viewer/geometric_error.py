@@ -24,6 +24,7 @@ from tiles.post_tree import LOW, PostTree
 from viewer.drawn_surface import DrawnSurface, distances_to, holders
 from viewer.silhouette import Silhouette, silhouette
 
+Hits = tuple[Floats, Ints]
 KEEP_PX = 0.02
 NEAREST_M = 0.25
 DEEP_M = 2000.0
@@ -78,28 +79,31 @@ def geometric_error(
     leaf_error_m: Floats,
     seen: Seen,
     threshold_px: float,
+    *,
+    hits: Hits | None = None,
+    silhouettes: bool = True,
 ) -> FrameError:
     """Measure a frame.
 
     Parameters
     ----------
     surface, leaf_error_m : of the draw list's terrain, in its order
+    hits : what `reference` returns, where it is known already
+    silhouettes : False: they are not compared, which saves time
     """
     shape = seen.tile.shape
     tile = seen.tile.ravel()
     points = seen.points.reshape(-1, 3)
-    hit_m, owner = reference(tree, seen)
-    hits = (
-        seen.eye + seen.rays.reshape(-1, 3) * np.where(owner >= 0, hit_m, np.nan)[:, None]
-    )
+    hit_m, owner = hits or reference(tree, seen)
+    met = seen.eye + seen.rays.reshape(-1, 3) * np.where(owner >= 0, hit_m, np.nan)[:, None]
     drawn = _drawn_to_posts(tree, leaf_error_m, seen, points, tile)
-    back = _posts_to_drawn(tree, (surface, leaf_error_m), seen, (hits, owner), points, tile)
+    back = _posts_to_drawn(tree, (surface, leaf_error_m), seen, (met, owner), points, tile)
     ways = np.stack([drawn.error_px, back.error_px])
     limits = np.maximum(threshold_px, np.stack([drawn.leaf_px, back.leaf_px]))
     excess = np.nan_to_num(ways / limits)
     allowed_px = np.take_along_axis(limits, excess.argmax(axis=0)[None], axis=0)[0]
     depths = [np.where(tile >= 0, (points - seen.eye) @ seen.forward, np.inf)]
-    depths.append(np.where(owner >= 0, (hits - seen.eye) @ seen.forward, np.inf))
+    depths.append(np.where(owner >= 0, (met - seen.eye) @ seen.forward, np.inf))
     blind = (owner == BLIND) | ((tile < 0) & np.isfinite(points[:, 0]))
     blind |= (tile >= 0) & np.isnan(drawn.error_px)
     blind |= (owner >= 0) & np.isnan(back.error_px)
@@ -111,15 +115,18 @@ def geometric_error(
         ((tile >= 0) | (owner >= 0)).reshape(shape),
         silhouette(
             *(one.reshape(shape) for one in (*depths, blind, limits.max(axis=0))),
-        ),
+        )
+        if silhouettes
+        else NOT_COMPARED,
     )
 
 
 BLIND = -3
 """Owner of a ray that goes into the earth where no source has posts."""
+NOT_COMPARED = Silhouette(0, np.zeros(0), np.zeros(0))
 
 
-def reference(tree: PostTree, seen: Seen) -> tuple[Floats, Ints]:
+def reference(tree: PostTree, seen: Seen) -> Hits:
     """Cast the rays of a frame against the finest source surface.
 
     Returns

@@ -50,12 +50,12 @@ def key_frames_error(
         session.hold(bare)
         session.renderer.draw(bare, view)
         seen = thinned(seen_in(session.renderer, view), max(1, view.width_px // WIDTH_PX))
-        tally.add(Judged({"t_s": view.t_s}, judge.judge(bare, seen, threshold_px)))
+        frame = judge.judge(bare, seen, threshold_px, silhouettes=False)
+        tally.add(Judged({"t_s": view.t_s}, frame))
         progress(done + 1)
     found = tally.figures()
     if not found["pixels_judged"]:
         return {}
-    found.pop("silhouette", None)  # its pixels are not the picture's
     return {**found, "frames": sorted(tally.rows, key=lambda row: float(row["t_s"]))}
 
 

@@ -13,14 +13,18 @@ CPUINFO = Path("/proc/cpuinfo")
 
 def machine(gl: Gl) -> dict[str, object]:
     """Return processor, cores, GL renderer, Python and commit."""
+    info = gl.context.info
+    driver = {"gl_renderer": info["GL_RENDERER"], "gl_version": info["GL_VERSION"]}
+    return {**host(), **driver, "commit": commit()}
+
+
+def host() -> dict[str, object]:
+    """Return processor, cores, Python and operating system."""
     return {
         "cpu": cpu_name(),
         "cores": os.cpu_count(),
-        "gl_renderer": gl.context.info["GL_RENDERER"],
-        "gl_version": gl.context.info["GL_VERSION"],
         "python": platform.python_version(),
         "system": platform.system(),
-        "commit": commit(),
     }
 
 

@@ -3,11 +3,12 @@
 
 Every frame takes `FRAME_S`; selecting, reading and decoding take no time; a throttled
 line takes what it says. So nothing depends on the machine, and two runs give the same
-figures. The flight begins when the first view has all that it needs.
+figures. The flight begins when the first view has all that it needs, and nothing else:
+until then all policies page alike, on demand.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from geopage.pager import Pager
 from geopage.policies.oracle import SLOT_S, Oracle
 from geopage.prediction import ground_under
 from geopage.screen_error import lens_of
-from geopage.selection import Thresholds, everything, select, trees_of
+from geopage.selection import Thresholds, select, trees_of
 from geopage.settings import MIB, PagerSettings
 from geopage.view import ViewState
 from tiles.errors import InputError
@@ -28,8 +29,6 @@ from viewer.flight import FRAME_S, UPLOAD_BYTES
 from viewer.poses import Flight
 
 PERCENT = 95.0
-COARSER = (4.0, 3.0, 2.5, 2.0, 1.75, 1.5, 1.25)
-"""Times the threshold: the selection's bound is often well above what a pixel shows."""
 SETTLE_S = 3600.0
 """A first view that is not there by then never will be."""
 
@@ -77,18 +76,9 @@ class Paging:
         rate = throttle.mib_per_s * MIB if throttle else np.inf
         times_s = np.arange(0.0, flight.path.duration_s, SLOT_S).tolist()
         views = [flight.view(t_s) for t_s in times_s]
-        limits = [self.coarsest(view) for view in views]
-        oracle.foresee(self.trees, views, limits, rate)
-
-    def coarsest(self, view: ViewState) -> Thresholds:
-        """Return the largest thresholds of `COARSER` with which a view is still good."""
-        for factor in COARSER:
-            most = self._limits.times(factor)
-            drawn = select(self.trees, lens_of(view), everything(self.trees), most)
-            shown = drawn.draw_list(1, view, most, settled=True)
-            if self.error_px(shown, view) <= self._limits.terrain_px:
-                return Thresholds(most.terrain_px, self._limits.objects_px)
-        return self._limits
+        forest = self.pager.forests[Lane.TERRAIN]
+        grounds_m = [ground_under(forest, view.eye) for view in views]
+        oracle.foresee(self.trees, views, grounds_m, self._limits, rate)
 
     def error_px(self, drawn: DrawList, view: ViewState) -> float:
         """Return the 95th percentile of a list's screen error, by area."""
@@ -126,11 +116,12 @@ def page_flight(
     store: Path, flight: Flight, settings: PagerSettings, progress: Callable[[float], None]
 ) -> dict[str, Any]:
     """Page one flight and return its figures, JSON-ready."""
-    paging = Paging(store, settings)
+    paging = Paging(store, replace(settings, policy="demand"))
     with paging.pager as pager:
+        start_s = paging.settle(flight.view(0.0))
+        pager.set_policy(settings.policy)
         if isinstance(pager.policy, Oracle):
             paging.foresee(pager.policy, flight)
-        start_s = paging.settle(flight.view(0.0))
         before, booked = pager.counters, carried(pager)
         count = round(flight.path.duration_s / FRAME_S)
         for i in range(count):

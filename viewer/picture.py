@@ -2,6 +2,7 @@
 """Pictures as files."""
 
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +22,25 @@ def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
     InputError
         When the file can't be written.
     """
-    from PIL import Image  # noqa: PLC0415  an extra; drawing itself works without it
-
     try:
-        Image.fromarray(np.ascontiguousarray(rgb)).save(path, "PNG", compress_level=4)
+        with path.open("wb") as file:
+            png_file(file, rgb)
     except OSError as error:
         advice = "give a path in a folder that exists and can be written"
         raise InputError(path, str(error.strerror or error), advice) from error
+
+
+def png_file(file: BinaryIO, rgb: NDArray[np.uint8]) -> None:
+    """Write a picture, (height, width, 3) uint8, into an open file.
+
+    Raises
+    ------
+    InputError
+        When Pillow is not installed.
+    """
+    try:
+        from PIL import Image  # noqa: PLC0415  an extra; drawing itself works without it
+    except ImportError as error:
+        advice = "install the extra `report`: pip install geopage[report]"
+        raise InputError("PNG", "pictures need Pillow", advice) from error
+    Image.fromarray(np.ascontiguousarray(rgb)).save(file, "PNG", compress_level=4)

@@ -11,10 +11,23 @@ DELAY_S = 2.0
 
 
 @contextmanager
-def bar(what: str, total: float, unit: str) -> Iterator[Callable[[float], None]]:
-    """Show on stderr how much of `total` is done, when it takes longer than two seconds."""
+def bar(
+    what: str, total: float, unit: str, done: float = 0
+) -> Iterator[Callable[[float], None]]:
+    """Show on stderr how much of `total` is done, when it takes longer than two seconds.
+
+    Parameters
+    ----------
+    done : how much an earlier attempt did, in no time of this one
+    """
     form = "{l_bar}{bar}| {n:.0f}/{total:.0f} {unit} [{elapsed}<{remaining}]"
     with tqdm(
-        total=total, desc=what, unit=unit, delay=DELAY_S, file=sys.stderr, bar_format=form
+        total=total,
+        desc=what,
+        unit=unit,
+        delay=DELAY_S,
+        file=sys.stderr,
+        bar_format=form,
+        initial=done,
     ) as shown:
         yield lambda done: shown.update(done - shown.n) and None

@@ -6,6 +6,7 @@ A figure that was not measured is absent, never zero.
 
 import csv
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -149,7 +150,12 @@ def write_report(folder: Path, report: Json, recording: Recording, played: Repla
     with (folder / "frames.csv").open("w", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(frames.dtype.names or ())
-        rows.writerows([f"{value:.8g}" for value in frame] for frame in frames.tolist())
+        rows.writerows([_cell(value) for value in frame] for frame in frames.tolist())
+
+
+def _cell(value: float) -> str:
+    """Return a figure as text; what was not measured is empty."""
+    return "" if math.isnan(value) else f"{value:.12g}"
 
 
 def _number(value: Any) -> Any:

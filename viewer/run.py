@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from geopage.selection import Thresholds
 from geopage.settings import PagerSettings
 from geopage.style import Style
 from tiles.errors import InputError, TileFault
@@ -13,6 +14,7 @@ from viewer.camera_path import CameraPath, read_path
 from viewer.charts import flight_over_time
 from viewer.film import film
 from viewer.flight import Recording, fly_paced, fly_settled
+from viewer.governor import Governor
 from viewer.key_frames import FRAMES, key_frames_error
 from viewer.page import Page, write_page
 from viewer.poses import Flight
@@ -38,6 +40,8 @@ class Run:
     page: bool = True
     style: Style | None = None
     """Colours of the objects."""
+    fps: float = 0.0
+    """Frames per second to be held by coarser detail; 0: detail is what was asked for."""
 
 
 def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Json:
@@ -51,7 +55,8 @@ def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Jso
     make_folders(run)
     with Session(store, settings, picture, run.style) as session:
         flight = Flight(path, session.surface, picture.size_px)
-        recording = _fly(session, flight, run)
+        governor = _governor(session, run)
+        recording = _fly(session, flight, run, governor)
         session.pager.close()
         played = _replay(session, recording, path, run)
         about = {"path": path.name, "mode": "paced" if run.paced else "settled"}
@@ -59,6 +64,8 @@ def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Jso
         report |= _measure(session, recording, report["faults"])
         if session.styling:
             report["style"] = session.styling.legend
+        if governor:
+            report["frame_budget"] = governor.figures(recording.table())
     _first_object(report, recording, session)
     write_report(run.out, report, recording, played)
     if run.page:
@@ -82,10 +89,18 @@ def make_folders(run: Run) -> None:
         raise InputError(run.film, "its folder does not exist", "make the folder first")
 
 
-def _fly(session: Session, flight: Flight, run: Run) -> Recording:
+def _governor(session: Session, run: Run) -> Governor | None:
+    """Return what holds the frame rate, if one is to be held."""
+    asked = session.settings.threshold_px, session.settings.objects_px
+    return Governor(session, Thresholds(*asked), run.fps) if run.fps else None
+
+
+def _fly(
+    session: Session, flight: Flight, run: Run, governor: Governor | None
+) -> Recording:
     with bar(f"flying {flight.path.name}", flight.path.duration_s, "s") as show:
         if run.paced:
-            return fly_paced(session, flight, show)
+            return fly_paced(session, flight, show, governor)
         return fly_settled(session, flight, run.poses, show)
 
 
@@ -145,6 +160,7 @@ def _write_page(run: Run, report: Json, recording: Recording, played: Replay) ->
         budget_bytes=report["memory"]["budget_bytes"],
         floor_ms=played.frame_ms,
         measured=report.get("geometric_error_px", {}).get("frames", ()),
+        limit_ms=report.get("frame_budget", {}).get("budget_ms"),
     )
     name = report["settings"]["path"]
     seen = "in real time" if run.paced else "settled at every pose"

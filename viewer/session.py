@@ -10,16 +10,20 @@ from geopage.draw_list import DrawList
 from geopage.pager import Pager
 from geopage.selection import warm_up
 from geopage.settings import PagerSettings
-from geopage.source import decoders
+from geopage.source import DECODERS
 from geopage.style import Style
-from geopage.styling import styling_of
+from geopage.styling import Styling, styling_of
 from geopage.view import ViewState
 from tiles.errors import InputError
 from tiles.lanes import Lane
+from tiles.objects import ObjectTile
 from tiles.store import Store
 from tiles.surface import Surface
+from tiles.terrain import TerrainTile
 from viewer.arena import ArenaSize
+from viewer.detail import detail_m
 from viewer.frame_stats import FrameStats
+from viewer.gl import Gl
 from viewer.renderer import Renderer
 from viewer.settle import Feeder, render_settled
 
@@ -41,6 +45,7 @@ class Session:
         settings: PagerSettings,
         picture: Picture = Picture(),
         style: Style | None = None,
+        context: Gl | None = None,
     ) -> None:
         warm_up()
         self.store = Store(path)
@@ -48,18 +53,35 @@ class Session:
         if not len(self.surface.forest.records):
             raise InputError(path, "holds no terrain", "run `geopage ingest terrain` first")
         self.settings, self.picture = settings, picture
-        self.styling = styling_of(self.store, style) if style else None
-        self._decode = decoders(self.styling)
-        self.pager = Pager(path, settings, self.styling)
+        styling = styling_of(self.store, style) if style else None
+        self.pager = Pager(path, settings)
         self.renderer = Renderer(
             self.pager.forests,
             picture.size_px,
             ArenaSize.for_budget(settings.budget_bytes),
             picture.supersample,
+            context,
         )
-        if self.styling:
-            self.renderer.set_palette(self.styling.palette)
+        forest = self.pager.forests[Lane.TERRAIN]
+        self.renderer.detail_m = detail_m(forest, self.store.sources())
+        self._put_on(styling)
         self.feeder = Feeder(self.pager, self.renderer)
+
+    def set_style(self, style: Style | None) -> None:
+        """Draw objects in other colours from the next frame on; None: in their own.
+
+        All objects are looked at here and now; no tile is loaded again.
+
+        Raises
+        ------
+        InputError
+            When the style does not suit the store; then the colours stay.
+        """
+        self._put_on(styling_of(self.store, style) if style else None)
+
+    def _put_on(self, styling: Styling | None) -> None:
+        self.styling = styling
+        self.renderer.set_styling(styling)
 
     def settle(self, view: ViewState) -> tuple[DrawList, FrameStats]:
         """Draw a view when everything that it wants is there."""
@@ -68,15 +90,33 @@ class Session:
     def hold(self, wanted: DrawList) -> None:
         """Upload every tile of a list, read here and now, for replays."""
         for lane, rows in ((Lane.TERRAIN, wanted.terrain), (Lane.OBJECTS, wanted.objects)):
-            records = self.pager.forests[lane].records
             for row in rows.tolist():
                 if not self.renderer.is_uploaded(lane, row):
-                    record = records[row]
-                    key = int(record["cell"]), int(record["row"]), int(record["check"])
-                    tile = self._decode[lane](self.store.checked_body(lane, *key))
-                    if not self.renderer.upload(lane, row, tile):
-                        self._make_room(wanted)
-                        self.renderer.upload(lane, row, tile)
+                    self.fetch(lane, row, wanted)
+
+    def fetch(self, lane: Lane, row: int, wanted: DrawList) -> bool:
+        """Read and upload a tile of a list; False where the list leaves it no room.
+
+        Raises
+        ------
+        TileFault
+        """
+        tile = self.tile(lane, row)
+        if self.renderer.upload(lane, row, tile):
+            return True
+        self._make_room(wanted)
+        return self.renderer.upload(lane, row, tile)
+
+    def tile(self, lane: Lane, row: int) -> TerrainTile | ObjectTile:
+        """Read a tile, here and now.
+
+        Raises
+        ------
+        TileFault
+        """
+        record = self.pager.forests[lane].records[row]
+        key = int(record["cell"]), int(record["row"]), int(record["check"])
+        return DECODERS[lane](self.store.checked_body(lane, *key))
 
     def _make_room(self, wanted: DrawList) -> None:
         """Free every tile that a list does not name."""

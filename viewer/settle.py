@@ -2,26 +2,41 @@
 """Draw one view until nothing better is to come."""
 
 import time
+from typing import Protocol
 
 from geopage.draw_list import DrawList
 from geopage.exchange import Upload
 from geopage.pager import Pager
 from geopage.view import ViewState
+from tiles.lanes import Lane
+from tiles.objects import ObjectTile
+from tiles.terrain import TerrainTile
 from viewer.frame_stats import FrameStats
 from viewer.renderer import Renderer
 
 UPLOAD_BYTES = 8 << 20
-BACKLOG = 16
-"""Tiles waiting for the next frame above which no more are taken over."""
 FRAMES = 2  # settled is: nothing wanted and nothing in flight for this many frames
 
 
-class Feeder:
-    """Moves tiles from a pager to a renderer; tiles without room wait for releases."""
+class Uploader(Protocol):
+    """What a renderer does with tiles."""
 
-    def __init__(self, pager: Pager, renderer: Renderer) -> None:
+    def upload(self, lane: Lane, row: int, tile: TerrainTile | ObjectTile) -> bool:
+        """Copy a tile to the GPU; False where there is no room."""
+
+    def free(self, lane: Lane, row: int) -> None:
+        """Give its memory back."""
+
+
+class Feeder:
+    """Moves tiles from a pager to a renderer, the best first.
+
+    A tile that finds no time or no room goes back to be ranked again: what is more
+    urgent by then comes before it, and what is stale is dropped.
+    """
+
+    def __init__(self, pager: Pager, renderer: Uploader) -> None:
         self._pager, self._renderer = pager, renderer
-        self._waiting: list[Upload] = []
 
     def feed(
         self, list_number: int, max_bytes: int = UPLOAD_BYTES, max_s: float = 1.0
@@ -31,16 +46,22 @@ class Feeder:
         Parameters
         ----------
         list_number : of the list that was drawn last; its frame is finished
+        max_bytes : tiles of no more than this, but one at least
         max_s : after this long no further upload begins
         """
         end = time.perf_counter() + max_s
         for lane, row in self._pager.releases(list_number):
             self._renderer.free(lane, row)
             self._pager.released(lane, row)
-        fresh = self._pager.take_uploads(max_bytes) if len(self._waiting) < BACKLOG else []
-        ready = [*self._waiting, *fresh]
-        self._waiting = [item for item in ready if not self._upload(item, end)]
-        return len(ready) - len(self._waiting)
+        moved, left = 0, list[Upload]()
+        # Where the best find no room, others may.
+        while not moved and time.perf_counter() <= end:
+            if not (ready := self._pager.take_uploads(max_bytes)):
+                break
+            kept = [item for item in ready if not self._upload(item, end)]
+            moved, left = len(ready) - len(kept), left + kept
+        self._pager.put_back(left)
+        return moved
 
     def _upload(self, item: Upload, end: float) -> bool:
         if time.perf_counter() > end:

@@ -30,6 +30,7 @@ SLOT = np.dtype(
         ("noise", "<f4", 3),  # terrain: base u, base v, patches across the cell
         ("proxy_first", "<i4", 4),  # by child
         ("proxy_count", "<i4", 4),
+        ("wet", "<i4"),  # terrain: its texture shows water
         ("surface_count", "<i4"),  # terrain: indices without the skirt
     ],
     align=True,
@@ -38,8 +39,8 @@ POOL = np.dtype([("dimension_m", "<f4"), ("index_end", "<i4")])
 PATCH_LEVEL = 16
 """Ground grain counts in patches as large as a cell of this level (76 m of latitude)."""
 PATCH_M = 76.4
-PATCH_PERIOD = 1024
-"""Patches after which the grain repeats."""
+NEAR_PERIOD, FAR_PERIOD = 1024, 65536
+"""Patches after which the grain repeats; the nearer it is, the finer are its places."""
 
 
 def noise_of(cell: int) -> tuple[float, float, float]:
@@ -52,14 +53,16 @@ def noise_of(cell: int) -> tuple[float, float, float]:
     """
     row, col = (int(x) for x in cells.global_row_col(cell))
     patches = 2.0 ** (PATCH_LEVEL - int(cells.level(cell)))
-    return col * patches % PATCH_PERIOD, row * patches % PATCH_PERIOD, patches
+    return col * patches % FAR_PERIOD, row * patches % FAR_PERIOD, patches
 
 
 class ObjectPool:
-    """Dimensions and index ends of all uploaded own objects, in ranges per tile."""
+    """Dimensions, index ends and ids of all uploaded own objects, in ranges per tile."""
 
     def __init__(self, objects: int) -> None:
         self.records = np.zeros(objects, POOL)
+        self.numbers = np.zeros(objects, np.int64)
+        """ids of the objects in the store"""
         self._free = FirstFit(objects)
 
     def put(self, slot: np.void, tile: ObjectTile) -> bool:
@@ -71,6 +74,7 @@ class ObjectPool:
         part = self.records[start : start + count]
         part["dimension_m"] = tile.objects["dimension_m"]
         part["index_end"] = tile.objects["index_end"]
+        self.numbers[start : start + count] = tile.objects["id"]
         slot["pool_start"], slot["pool_count"] = start, count
         slot["proxy_count"] = 0
         for proxy in tile.proxies:

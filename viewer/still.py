@@ -28,12 +28,11 @@ def render_still(
     ------
     InputError
     """
-    finer = SUPERSAMPLE if max(given.size) * SUPERSAMPLE <= LARGEST else 1
     lat, lon, height_m = given.at
     lon_rad, lat_rad = math.radians(lon), math.radians(lat)
     if given.pick:
         require_pixel(given.pick, given.size)
-    with Session(store, settings, Picture(given.size, finer), given.style) as session:
+    with Session(store, settings, finer(given.size), given.style) as session:
         if given.height_reference == "ground":
             height_m += session.surface.height_at(lon_rad, lat_rad)
         heading, pitch = (math.radians(angle) for angle in given.look)
@@ -58,6 +57,12 @@ def render_still(
         "faults": faults,
         **extra,
     }
+
+
+def finer(size_px: tuple[int, int]) -> Picture:
+    """Return a picture drawn at twice its size, where GPUs can."""
+    fits = max(size_px) * SUPERSAMPLE <= LARGEST
+    return Picture(size_px, SUPERSAMPLE if fits else 1)
 
 
 def save_points(path: Path, points: np.ndarray[Any, np.dtype[np.float64]]) -> None:

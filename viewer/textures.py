@@ -9,6 +9,9 @@ from viewer import gl
 from viewer.gl import Gl
 
 S3TC = "GL_EXT_texture_compression_s3tc"
+WATER_LEVEL = 2
+BLUER = 1.7
+"""Blue by red, as light, from which on texels count as wet"""
 MAX_LAYERS = 2048  # what every driver has
 
 
@@ -81,6 +84,24 @@ class TextureLayers:
         """Bytes that the layers in use take."""
         layer = sum(MIP_BYTES) if self.compressed else 4 * sum(s * s for s in MIP_SIDES)
         return (self.count - len(self._free)) * layer
+
+
+def shows_water(texture: NDArray[np.uint8]) -> bool:
+    """Say whether a tile's texture has texels that `wet` of `terrain.frag` is above 0 for.
+
+    Looked for in the ends of the blocks of a level of 64 x 64 texels: what is smaller
+    than its texels is no sheet of water.
+    """
+    start = sum(MIP_BYTES[:WATER_LEVEL])
+    blocks = texture[start : start + MIP_BYTES[WATER_LEVEL]].reshape(-1, 8)
+    ends = blocks[:, :4].copy().view("<u2").astype(np.float32)
+    red, blue = (ends // 2048) / np.float32(31), ends % 32 / np.float32(31)
+    return bool((linear_of(blue) > BLUER * linear_of(red)).any())
+
+
+def linear_of(srgb: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return light as `colour.glsl` does, 0 to 1."""
+    return srgb * srgb * (np.float32(0.72) + np.float32(0.28) * srgb)
 
 
 def decode_bc1(blocks: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:

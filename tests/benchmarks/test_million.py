@@ -105,7 +105,8 @@ def turns(request: pytest.FixtureRequest) -> int:
 
 
 def chosen(city: City, lens: Lens) -> Objects:
-    return select_objects(city.tree, lens, TAU, TAU, city.tree.has_tile)
+    before = np.zeros(len(city.tree.parent), np.uint8)
+    return select_objects(city.tree, lens, TAU, TAU, city.tree.has_tile, before)
 
 
 def drawn_of(city: City, lens: Lens) -> set[tuple[int, int, int]]:

@@ -11,7 +11,6 @@ import pytest
 
 from geopage.cli import guarded
 from geopage.settings import PagerSettings
-from tests.viewer.small_world import make_store
 from tiles.errors import InputError
 from tiles.store import Store
 from tiles.surface import Surface
@@ -26,8 +25,8 @@ NAMES = {"p50", "p95", "p99", "max", "share_within_threshold", "share_limited_by
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_store(tmp_path_factory.mktemp("world"))
+def store(hill_store: Path) -> Path:
+    return hill_store
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from viewer.allocator import FirstFit
 from viewer.arena import Arena, ArenaSize
 from viewer.buffers import PINNED, LargeBuffer
 from viewer.gl import Gl
-from viewer.slots import PATCH_PERIOD, noise_of
+from viewer.slots import FAR_PERIOD, NEAR_PERIOD, noise_of
 from viewer.textures import decode_bc1
 
 SIZE = 64
@@ -133,7 +133,8 @@ def test_grain_of_touching_cells_meets() -> None:
     east = int(cells.from_global(18, *np.add(cells.global_row_col(west), (0, 1))))
     parent = int(cells.parent(west))
     west_u, _, patches = noise_of(west)
-    assert (west_u + patches) % PATCH_PERIOD == noise_of(east)[0] % PATCH_PERIOD
+    assert FAR_PERIOD % NEAR_PERIOD == 0
+    assert (west_u + patches) % FAR_PERIOD == noise_of(east)[0] % FAR_PERIOD
     assert noise_of(parent)[2] == 2 * patches
 
 

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from geopage.cli import main
-from tests.viewer.small_world import LAT_DEG, LON_DEG, make_store, write_path
+from tests.viewer.small_world import LAT_DEG, LON_DEG, write_path
 from tiles.geodesy import to_geodetic
 
 pytestmark = pytest.mark.usefixtures("gl_context")
@@ -17,8 +17,8 @@ SIZE = ("--size", "96x64")
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_store(tmp_path_factory.mktemp("world"))
+def store(hill_store: Path) -> Path:
+    return hill_store
 
 
 def test_render_writes_a_picture_and_the_drawn_points(

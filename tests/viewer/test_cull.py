@@ -12,10 +12,11 @@ from tiles.frames import Floats
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.objects import prefix_end
+from tiles.terrain import TEXTURE_SIDE
 from viewer import cull
 from viewer.camera import Pose, project, view_state
 from viewer.look import PLAIN, frame_block
-from viewer.slots import POOL, SLOT, make_slots
+from viewer.slots import PATCH_M, POOL, SLOT, make_slots
 
 SIZE = (640, 360)
 
@@ -92,11 +93,18 @@ def terrain_lists(rng: np.random.Generator, n: int) -> cull.Lists:
     return cull.Lists(rows, slots, centre, radius, cubes(radius), records)
 
 
+def fine(n: int) -> np.ndarray:
+    """Data finer than any texel."""
+    return np.zeros(n, np.float32)
+
+
 def test_commands_and_records_are_those_of_a_plain_loop(rng: np.random.Generator) -> None:
     lists, view = terrain_lists(rng, 400), random_view(rng)
     skirt = rng.uniform(0, 100, 400).astype(np.float32)
     room, eye = cull.make_room(400), cull.eye_of(view)
-    n, triangles, error_px, _ = cull.cull_terrain(lists, skirt, eye, 640 * 360.0, room)
+    n, triangles, error_px, _ = cull.cull_terrain(
+        lists, skirt, fine(400), eye, 640 * 360.0, room
+    )
     expected = [
         entry
         for entry, row in enumerate(lists.rows)
@@ -127,7 +135,7 @@ def test_commands_run_from_near_to_far(rng: np.random.Generator) -> None:
     view = view_state(Pose(0.2, 0.3, 2e7, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(300)
     n, _, _, _ = cull.cull_terrain(
-        lists, np.zeros(300, np.float32), cull.eye_of(view), 1.0, room
+        lists, np.zeros(300, np.float32), fine(300), cull.eye_of(view), 1.0, room
     )
     assert n > 30
     rows = lists.rows[room.instances[room.commands[:n, 4], 12].astype(int)]
@@ -137,22 +145,31 @@ def test_commands_run_from_near_to_far(rng: np.random.Generator) -> None:
     assert (np.diff(weighted * cosine**2) > -0.02 * weighted[1:]).all()
 
 
-def test_tiles_with_large_texels_come_first_and_are_counted(
-    rng: np.random.Generator,
-) -> None:
+def test_tiles_of_a_kind_lie_together_and_are_counted(rng: np.random.Generator) -> None:
+    """With large texels or coarse data, with water, both, or neither."""
     lists = terrain_lists(rng, 300)
     lists.radius_m[:], lists.half_m[:] = 1.0, 1.0
     lists.slots["uploaded"] = 1
     lists.slots["noise"][:, 2] = 1.0
     lists.slots["noise"][::3, 2] = 1e7
+    lists.slots["wet"][::2] = 1
     view = view_state(Pose(0.2, 0.3, 2e7, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(300)
-    skirt = np.zeros(300, np.float32)
-    n, _, _, grained = cull.cull_terrain(lists, skirt, cull.eye_of(view), 1.0, room)
-    rows = lists.rows[room.instances[room.commands[:n, 4], 12].astype(int)]
-    assert 10 < grained < n - 10
-    assert (rows[:grained] % 3 == 0).all()
-    assert (rows[grained:] % 3 != 0).all()
+    skirt, detail_m = np.zeros(300, np.float32), fine(300)
+    detail_m[::5] = 1e9
+    sizes = skirt, detail_m
+    n, _, _, kinds = cull.cull_terrain(lists, *sizes, cull.eye_of(view), 1.0, room)
+    instances = room.commands[:n, 4]
+    rows = lists.rows[room.instances[instances, 12].astype(int)]
+    large, wet = (rows % 3 == 0) | (rows % 5 == 0), rows % 2 == 0
+    ends = [0, *np.cumsum(kinds).tolist(), n]
+    expected = (large & wet, large & ~wet, ~large & wet, ~large & ~wet)
+    for kind, first, end in zip(expected, ends[:-1], ends[1:], strict=True):
+        assert end - first > 5
+        assert kind[first:end].all()
+    texel_m = lists.slots["noise"][rows, 2] * PATCH_M / TEXTURE_SIDE
+    texels = np.maximum(detail_m[rows] / texel_m, 1.0)
+    assert np.allclose(room.instances[instances, 15], texels)
 
 
 def test_the_screen_error_is_the_area_weighted_mean() -> None:
@@ -166,7 +183,7 @@ def test_the_screen_error_is_the_area_weighted_mean() -> None:
     view = view_state(Pose(0.0, 0.0, 1e6, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(2)
     skirt = np.zeros(2, np.float32)
-    _, _, error, _ = cull.cull_terrain(lists, skirt, cull.eye_of(view), 1e9, room)
+    _, _, error, _ = cull.cull_terrain(lists, skirt, fine(2), cull.eye_of(view), 1e9, room)
     scale = view.focal_px / 1e6
     assert error == pytest.approx(scale * (2.0 * 4 + 4.0) / 5, rel=0.01)
 
@@ -178,7 +195,7 @@ def test_the_drawn_prefix_is_what_is_larger_than_the_threshold(
     world, view = city(rng)
     room, lists, pool = prepared(world)
     drawn = whole_list(world, view)
-    parts = drawn.own, drawn.proxies, pool
+    parts = drawn.own, drawn.proxies, pool, np.zeros((1, 4), np.uint8)
     n, _, objects, fading = cull.cull_objects(
         lists, parts, drawn.shares(0.0), cull.eye_of(view), threshold_px, room
     )
@@ -242,9 +259,10 @@ def test_what_the_gpu_gets_is_exact_to_a_hundredth_of_a_pixel(
         )
         room = cull.make_room(1)
         skirt = np.zeros(1, np.float32)
-        assert cull.cull_terrain(lists, skirt, cull.eye_of(view), 1.0, room)[0] == 1
+        seen = cull.cull_terrain(lists, skirt, fine(1), cull.eye_of(view), 1.0, room)
+        assert seen[0] == 1
         steps = rng.integers(-32767, 32767, (2000, 3)).astype(np.float32)
-        instance, block = room.instances[0], frame_block(view, PLAIN).reshape(8, 4)
+        instance, block = room.instances[0], frame_block(view, PLAIN).reshape(-1, 4)
         seen = instance[:3] + steps * instance[3]
         camera = (seen[:, None, :] * block[None, :3, :3]).sum(-1, dtype=np.float32)
         pixel = 640 * block[0, 3] * camera[:, 0] / -camera[:, 2]

@@ -14,7 +14,8 @@ from geopage.cli import main
 from geopage.settings import PagerSettings
 from geopage.style import parse_style
 from geopage.view import ViewState
-from tests.viewer.small_world import BLOCK_M, LAT_DEG, LON_DEG, ROWS, make_store, write_path
+from tests.viewer.small_world import BLOCK_M, LAT_DEG, LON_DEG, ROWS, write_path
+from tiles.errors import InputError
 from tiles.geodesy import to_ecef
 from viewer.camera import Pose, project, view_state
 from viewer.pick import pick, pick_lines
@@ -27,10 +28,8 @@ FINE = PagerSettings(object_threshold_px=0.5)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("pick")
-    make_store(made)
-    return made
+def folder(hill_store: Path) -> Path:
+    return hill_store.parent
 
 
 @pytest.fixture(scope="module")
@@ -188,10 +187,39 @@ def test_a_flight_is_flown_in_colours_and_says_which(
     assert (style["ramp"], style["min"], style["max"]) == ("oranges", 10, 20)
 
 
-def test_without_a_style_a_palette_changes_nothing(session: Session) -> None:
+def picture(session: Session, view: ViewState) -> np.ndarray:
+    session.settle(view)
+    return session.renderer.read_rgb()
+
+
+def test_a_style_is_put_on_and_taken_off_without_reading_a_tile(folder: Path) -> None:
+    path = folder / "w.geopage"
+    style, other = parse_style("height:viridis"), parse_style("name")
+    with Session(path, FINE, Picture(SIZE), style) as styled:
+        near, far = look_down(styled, 300.0), look_down(styled, 6000.0)
+        wanted = [picture(styled, view) for view in (near, far)]
+    with Session(path, FINE, Picture(SIZE)) as session:
+        plain = picture(session, near)
+        read = session.pager.counters["bytes_read"]
+        for _ in range(2):
+            session.set_style(other)
+            assert (picture(session, near) != wanted[0]).any()
+            session.set_style(style)
+            assert session.styling
+            assert session.styling.legend["field"] == "height"
+            assert (picture(session, near) == wanted[0]).all()
+            session.set_style(None)
+            assert (picture(session, near) == plain).all()
+        assert session.pager.counters["bytes_read"] == read
+        session.set_style(style)  # proxies, and what is loaded afterwards
+        assert (picture(session, far) == wanted[1]).all()
+        assert (wanted[0] != plain).any(-1).mean() > 0.02
+
+
+def test_a_style_that_does_not_suit_leaves_the_colours(session: Session) -> None:
     view = look_down(session, 300.0)
-    session.settle(view)
-    before = session.renderer.read_rgb()
-    session.renderer.set_palette(np.full((256, 3), 200, np.uint8))
-    session.settle(view)
-    assert (session.renderer.read_rgb() == before).all()
+    before = picture(session, view)
+    with pytest.raises(InputError, match="no object has"):
+        session.set_style(parse_style("nosuch"))
+    assert (picture(session, view) == before).all()
+    assert session.styling is None

@@ -13,7 +13,7 @@ import pytest
 
 from geopage.draw_list import DrawList
 from geopage.settings import MIB, PagerSettings
-from tests.viewer.small_world import make_store, write_path
+from tests.viewer.small_world import write_path
 from tiles.errors import InputError
 from tiles.geodesy import to_geodetic
 from tiles.lanes import Lane
@@ -30,14 +30,14 @@ SIZE = Picture((160, 96))
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_store(tmp_path_factory.mktemp("world"))
+def store(hill_store: Path) -> Path:
+    return hill_store
 
 
 @pytest.fixture(scope="module")
 def flown(store: Path) -> tuple[dict[str, Any], Path]:
-    folder = store.parent / "paced"
-    path = write_path(store.parent / "down.json", 5.0, (3e6, 60.0))
+    folder = store.parent / "run"
+    path = write_path(store.parent / "run.json", 5.0, (3e6, 60.0))
     run = Run(path, folder, film=folder / "film.mp4")
     return fly(store, PagerSettings(1.0, budget_bytes=128 * MIB), SIZE, run), folder
 
