@@ -25,6 +25,7 @@ HELP = {
     "replay": "page a flight without drawing it, by any policy, the same every time",
     "accuracy": "measure the pixel error of random views against the sources",
     "bench": "speed against accuracy of several methods over a sweep of thresholds",
+    "experiments": "the experiments of five papers again, their figures beside ours",
     "chart": "draw speed against accuracy from one or more flights",
     "remove": "take a source out of a store",
     "doctor": "say what this machine can draw with",

@@ -66,11 +66,17 @@ class DrawList:
     """Largest screen error that this list was made for (raised when memory is short)."""
     object_threshold_px: float
     settled: bool
-    """Nothing was wanted that was not uploaded, and nothing was in flight."""
+    """Nothing was wanted now that was not uploaded; see `Pager.complete`."""
     sweep: Sweep = STILL
     """How the view moved: with a shutter, what moves fast was selected with less detail."""
     fade: Fade | None = None
     """None: every entry of `objects` is drawn at every pixel."""
+    rung: NDArray[np.uint8] | None = None
+    """(n,) which of a terrain tile's meshes is drawn; None: the whole ones"""
+
+    def rungs(self) -> NDArray[np.uint8]:
+        """Return `rung`, (n,); 0 is a whole mesh."""
+        return np.zeros(len(self.terrain), np.uint8) if self.rung is None else self.rung
 
     def shares(self, t_s: float) -> NDArray[np.float32]:
         """Return `Fade.shares`, (m, 2), or (0, 2) when nothing fades."""

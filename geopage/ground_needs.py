@@ -71,20 +71,21 @@ def ground_needs_of(
     -------
     Needs of k * goals goals, those of one view together
     """
-    most = COLUMNS * LINES
-    along, depth_m, lon, lat = np.empty(3), np.empty(most), np.empty(most), np.empty(most)
+    along, ends = np.empty(3), np.empty((COLUMNS * LINES, 3))
     opened = np.empty(len(tree.parent), np.int32)
     count = len(ahead.ahead_s)
     start = np.zeros(count * goals + 1, np.int32)
     rows, share = [np.int32(0) for _ in range(0)], [np.float32(0) for _ in range(0)]
     keep = [np.int32(0) for _ in range(0)]
     for k in range(count):
-        rays = ray_ends(ahead, k, along, depth_m, lon, lat)
+        rays = ray_ends(ahead, k, along, ends)
         limit = tau
         for goal in range(goals):
-            some = open_cells(
-                tree, rays, depth_m, lon, lat, limit / ahead.focal_px, work.rays, opened
-            )
+            if goal and len(rows) == start[k * goals + goal - 1]:
+                start[k * goals + goal + 1] = len(rows)  # nothing missing, nor coarser
+                continue
+            slope = limit / ahead.focal_px
+            some = open_cells(tree, ends[:rays], slope, work.rays, opened)
             if goal == 0:
                 spare = int(rays * (1.0 - GOOD))
                 prune(tree, uploaded, work.rays, opened[:some], spare)
@@ -111,10 +112,7 @@ def ground_needs_of(
 @kernel
 def open_cells(
     tree: Tree,
-    rays: int,
-    depth_m: F8,
-    lon: F8,
-    lat: F8,
+    ends: F8,
     slope: float,
     below: NDArray[np.int32],
     opened: Rows,
@@ -123,6 +121,7 @@ def open_cells(
 
     Parameters
     ----------
+    ends : (rays, 3) see `ray_ends`
     slope : largest error over view depth
     below : (n,) receives how many rays go on below each cell
     opened : (n,) receives the cells that some ray goes on below, parents first
@@ -133,12 +132,12 @@ def open_cells(
     """
     count = 0
     cells = 2.0**28 / (math.pi / 4)
-    for ray in range(rays):
-        line = min(int((lat[ray] + math.pi / 2) * cells), 2**30 - 1)
-        column = int((lon[ray] + math.pi) * cells) & (2**31 - 1)
+    for depth_m, lon, lat in ends:
+        line = min(int((lat + math.pi / 2) * cells), 2**30 - 1)
+        column = int((lon + math.pi) * cells) & (2**31 - 1)
         row = (line >> 28) * 8 + (column >> 28)
         level = 0
-        while tree.error_m[row] > slope * depth_m[ray] and has_children(tree, row):
+        while tree.error_m[row] > slope * depth_m and has_children(tree, row):
             if below[row] == 0:
                 opened[count] = row
                 count += 1
@@ -185,15 +184,20 @@ def prune(
     tree: Tree, uploaded: U1, below: NDArray[np.int32], opened: Rows, spare: int
 ) -> None:
     """Close the cells that cost most for each ray, as far as few rays need them."""
+    cost = np.empty(len(opened))
+    for i in range(len(opened)):
+        cost[i] = cost_of(tree, uploaded, below, opened[i])
     while spare > 0:
-        worst, worst_at = 0.0, -1
+        worst, at = 0.0, -1
         for i in range(len(opened)):
-            row = opened[i]
-            if 0 < below[row] <= spare:
-                cost = cost_of(tree, uploaded, below, row)
-                if cost > worst * below[row]:
-                    worst, worst_at = cost / below[row], row
-        if worst_at < 0:
+            rays = below[opened[i]]
+            if 0 < rays <= spare and cost[i] > worst * rays:
+                worst, at = cost[i] / rays, i
+        if at < 0:
             return
-        spare -= below[worst_at]
-        below[worst_at] = 0
+        closed = opened[at]
+        spare -= below[closed]
+        below[closed] = 0
+        for i in range(at):
+            if opened[i] == tree.parent[closed]:
+                cost[i] = cost_of(tree, uploaded, below, opened[i])

@@ -41,7 +41,8 @@ class TileManager:
         fits = taken | (filled <= self._residency.free_bytes)
         rows, ranks = wants.rows[fits], wants.ranks[fits]
         cancelled = self._queue.replace_lane(self.lane, rows, ranks)
-        self._residency.queued(self.lane, rows[~taken[fits]], cancelled)
+        new = ~taken[fits]
+        self._residency.queued(self.lane, rows[new], ranks[new], cancelled)
         if changed:
             self._scene.set()
 

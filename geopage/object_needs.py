@@ -2,16 +2,15 @@
 """Which object tiles the pictures of the next seconds miss."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geopage.ground_needs import Needs
 from geopage.object_selection import (
     cover_objects,
     emit_objects,
     needed_rows,
-    visit,
     want_objects,
 )
-from geopage.ground_needs import Needs
+from geopage.object_visit import visit
 from geopage.outlook import Ahead
 from geopage.screen_error import Lens
 from geopage.tree import U1, Tree
@@ -61,9 +60,8 @@ def object_needs_of(
             area_px = benefit[i] * tree.tile_bytes[missing[i]] / max(error_px[i], tau)
             rows.append(missing[i])
             share.append(np.float32(area_px / (lens.width_px * lens.height_px)))
-        for row in needed_rows(plan):
-            if uploaded[row]:
-                keep.append(row)
+        needed = needed_rows(plan)
+        keep.extend(needed[uploaded[needed] > 0])
         start[k + 1] = len(rows)
-    kept: NDArray[np.int32] = np.unique(np.array(keep, np.int32))
+    kept = np.unique(np.array(keep, np.int32))
     return Needs(start, np.array(rows, np.int32), np.array(share, np.float32), kept)

@@ -108,15 +108,13 @@ def rotate(turn_rad: F8, rotation: F8, out: F8) -> None:
 
 
 @kernel
-def ray_ends(
-    ahead: Ahead, k: int, along: F8, depth_m: F8, lon: F8, lat: F8
-) -> int:
+def ray_ends(ahead: Ahead, k: int, along: F8, ends: F8) -> int:
     """Find where the rays of view `k` meet the ground; return how many do.
 
     Parameters
     ----------
     along : (3,) room for one ray
-    depth_m, lon, lat : (rays,) receive view depth, and longitude and latitude in rad
+    ends : (rays, 3) receives view depth, m, and longitude and latitude, rad
     """
     eye, turn = ahead.eye[k], ahead.rotation[k]
     a_m, b_m = WGS84_A_M + ahead.ground_m, WGS84_B_M + ahead.ground_m
@@ -141,9 +139,9 @@ def ray_ends(
             t = c / (-b + math.sqrt(under))
             px, py = eye[0] + t * along[0], eye[1] + t * along[1]
             pz = eye[2] + t * along[2]
-            depth_m[count] = max(t, LEAST_DEPTH_M)
-            lon[count] = math.atan2(py, px)
             axis_m = math.sqrt(px * px + py * py)
-            lat[count] = math.atan2(pz * flat * flat, axis_m)
+            ends[count, 0] = max(t, LEAST_DEPTH_M)
+            ends[count, 1] = math.atan2(py, px)
+            ends[count, 2] = math.atan2(pz * flat * flat, axis_m)
             count += 1
     return count

@@ -30,6 +30,7 @@ from geopage.settings import PagerSettings
 from geopage.source import Line
 from geopage.threads import Threads
 from geopage.tile_state import State
+from geopage.trace import TileTrace
 from geopage.tree import U1, tree_bytes
 from geopage.view import ViewState
 from tiles.forest import build_forest
@@ -194,6 +195,17 @@ class Pager:
         None when it has arrived or goes elsewhere. Thread: any; the newest call counts.
         """
         self._scene.set_destination(view)
+
+    def record(self, clock: Callable[[], float]) -> TileTrace:
+        """Write down what becomes of each tile from now on; returns where.
+
+        Parameters
+        ----------
+        clock : returns the flight's time, s; threads call it
+        """
+        counts = {lane: len(forest.records) for lane, forest in self.forests.items()}
+        self._residency.trace = trace = TileTrace(counts, clock)
+        return trace
 
     # What there is to know.
 

@@ -19,6 +19,7 @@ from geopage.screen_error import STILL, Sweep
 from geopage.view import ViewState
 from tiles.forest import Forest
 from tiles.frames import Ecef
+from tiles.geodesy import geodetic_of
 
 AHEAD: tuple[tuple[float, float], ...] = ((0.5, 0.7), (1.0, 0.5))
 """Seconds ahead, and the weight of what is wanted then."""
@@ -103,6 +104,11 @@ def ground_under(forest: Forest, eye: Ecef) -> float:
     return float(forest.records["min_height_m"][row])
 
 
+def height_of(view: ViewState, floor_m: float) -> float:
+    """Return how high the eye is above the ground, metres."""
+    return max(geodetic_of(*view.eye.tolist())[2] - floor_m, LEAST_HEIGHT_M)
+
+
 def warm_up(forest: Forest) -> None:
     """Compile what runs for each list, or load it from the cache."""
     views = [
@@ -111,3 +117,4 @@ def warm_up(forest: Forest) -> None:
     ]
     if motion := motion_of(views, ground_under(forest, views[0].eye)):
         predict(views[1], motion, 1.0)
+        height_of(views[1], motion.floor_m)

@@ -12,8 +12,9 @@ from geopage.view import ViewState
 FULL = 0.8
 STEP = 1.05
 MOST = 256.0
-GROWTH = STEP**-2.5
-"""The needed tiles grow by no more than this, as a rule, in one step down."""
+GROWTH = STEP**-4
+"""The needed tiles grow by no more than this, as a rule, in one step down: by the square
+of the step, and something for whole tiles. Less, and thresholds go to and fro."""
 
 
 class MemoryPressure:

@@ -25,6 +25,7 @@ from geopage.metrics import Counters
 from geopage.priority_queue import PriorityQueue
 from geopage.tile_state import State, advance
 from geopage.tile_table import LaneTable
+from geopage.trace import TileTrace
 from geopage.tree import F8, U1, Tree
 from tiles.forest import Rows
 from tiles.lanes import Lane
@@ -55,6 +56,7 @@ class Residency:
     ) -> None:
         self.counters = Counters()
         self.rate = LineRate()
+        self.trace = TileTrace({}, float)
         self.budget_bytes = budget_bytes
         self.index_bytes = 0
         self.number = 0
@@ -131,6 +133,7 @@ class Residency:
             table.last_used[row] = max(int(table.last_used[row]), self.number)
             self.counters.tiles_late += int(table.awaited[row])
             table.awaited[row] = 0
+            self.trace.note("uploaded_s", lane, row)
 
     def _move(self, lane: Lane, row: int, to: State) -> None:
         """Change a state, and the bytes with it. The lock is held."""
@@ -144,6 +147,7 @@ class Residency:
             self.counters.tiles_unused += was is not State.LOADING and not table.drawn[row]
             table.drawn[row] = table.awaited[row] = 0
             self._queue.done(lane, row)
+            self.trace.left(lane, row)
 
     @property
     def used_bytes(self) -> int:
@@ -177,13 +181,15 @@ class Residency:
         """Say which tiles can't be had, (w,)."""
         return np.asarray(self._tables[lane].state[rows] == State.FAILED)
 
-    def queued(self, lane: Lane, rows: Rows, cancelled: Rows) -> None:
+    def queued(self, lane: Lane, rows: Rows, ranks: F8, cancelled: Rows) -> None:
         """Book what a manager put into the queue and took out. Thread: its manager."""
         with self._lock:
             state = self._tables[lane].state
             state[cancelled[state[cancelled] == State.QUEUED]] = State.ABSENT
             state[rows[state[rows] == State.ABSENT]] = State.QUEUED
             self.counters.tiles_cancelled += len(cancelled)
+            self.trace.asked(lane, rows, ranks)
+            self.trace.cancelled(lane, cancelled)
 
     def reserve(self, lane: Lane, row: int) -> bool:
         """Pay for a tile that is about to be read, if there is room. Thread: its server."""
@@ -194,12 +200,14 @@ class Residency:
                 self._queue.done(lane, row)
                 return False
             self._move(lane, row, State.LOADING)
+            self.trace.note("taken_s", lane, row)
             return True
 
     def deliver(self, lane: Lane, row: int, tile: object) -> None:
         """Hand a decoded tile towards the renderer. Thread: its server."""
         with self._lock:
             self._move(lane, row, State.RESIDENT)
+            self.trace.note("decoded_s", lane, row)
             self.counters.tiles_loaded += 1
             self.ready[lane, row] = tile
 
@@ -219,15 +227,11 @@ class Residency:
             self._move(lane, row, State.FAILED)
             self.has_failures = True
 
-    def count_read(self, stored_bytes: int) -> None:
+    def count_read(self, lane: Lane, row: int, stored_bytes: int) -> None:
         """Count bytes that came from the store. Thread: servers."""
         with self._lock:
             self.counters.bytes_read += stored_bytes
-
-    def timed(self, stored_bytes: int, asked_s: float, done_s: float) -> None:
-        """Say how long a tile took to come. Thread: servers."""
-        with self._lock:
-            self.rate.timed(stored_bytes, asked_s, done_s)
+            self.trace.note("read_s", lane, row)
 
     def used(self, lane: Lane, rows: Rows, number: int) -> None:
         """Say that list `number` needs these tiles. Thread: scene manager."""
@@ -238,6 +242,8 @@ class Residency:
         """Say what a published list draws and what it has stand-ins for."""
         self._tables[lane].drawn[drawn] = 1
         self._tables[lane].awaited[awaited] = 1
+        with self._lock:
+            self.trace.drew(lane, drawn, awaited)
 
     def unused_now(self) -> int:
         """Count tiles that are in memory and have not been drawn."""

@@ -11,10 +11,17 @@ from geopage.draw_list import DrawList
 from geopage.handoff import Signal, TripleBuffer, ViewSlot
 from geopage.manager import TileManager
 from geopage.policies.protocol import PageRequests, Plan, Policy, Situation
-from geopage.prediction import Motion, ground_under, motion_of, predict, sweep_of
+from geopage.prediction import (
+    Motion,
+    ground_under,
+    height_of,
+    motion_of,
+    predict,
+    sweep_of,
+)
 from geopage.pressure import MemoryPressure
 from geopage.residency import Residency
-from geopage.screen_error import Lens, lens_of
+from geopage.screen_error import TURN_AHEAD_S, Lens, lens_of
 from geopage.selection import Flags, Selection, Thresholds, select
 from geopage.transitions import Transitions
 from geopage.tree import U1, Tree
@@ -141,7 +148,7 @@ class SceneManager:
         self._book(number, chosen, plan)
         waiting = self._request(plan)
         adjusted = self.pressure.update(chosen.needed_bytes, view)
-        settled = not (waiting or adjusted or motion or self._residency.in_flight)
+        settled = not (waiting or adjusted or motion)
         if self._has_globe(uploaded):
             self._book_drawn(chosen)
             sweep = sweep_of(view, motion, self._world.shutter_s)
@@ -184,17 +191,24 @@ class SceneManager:
         self._previous = select(self._world.trees, lens, uploaded, limits, before, ahead)
         return self._previous
 
-    def _lens(self, view: ViewState, motion: Motion | None) -> Lens:
+    def _lens(self, view: ViewState, motion: Motion | None, aside_rad: float = 0.0) -> Lens:
         sweep = sweep_of(view, motion, self._world.shutter_s)
-        return lens_of(view, motion.turn_rad_s if motion else 0.0, sweep=sweep)
+        turn_rad_s = motion.turn_rad_s if motion else 0.0
+        return lens_of(view, turn_rad_s + aside_rad / TURN_AHEAD_S, sweep=sweep)
 
     def _when_drawn(self, view: ViewState, motion: Motion | None) -> Lens | None:
-        """Return the view while its list is drawn, where things grow until then."""
+        """Return the view while its list is drawn, where things grow until then.
+
+        What is in the newest picture must not be outside of that view's cone.
+        """
         if motion is None:
             return None
         soon = predict(view, motion, LIST_AGE_S)
         closer = np.linalg.norm(soon.eye) < np.linalg.norm(view.eye)
-        return self._lens(soon, motion) if closer else None
+        if not closer:
+            return None
+        moved_m = float(np.linalg.norm(soon.eye - view.eye))
+        return self._lens(soon, motion, moved_m / height_of(view, motion.floor_m))
 
     def _book(self, number: int, chosen: Selection, plan: Plan) -> None:
         """Tell the residency what this list uses; predictions count as one list older."""

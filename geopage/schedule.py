@@ -129,9 +129,9 @@ def fresh_bytes(needs: Needs, goal: int, size_bytes: Tile_bytes, due: Places) ->
 def fits(line: Line, here: int, more: F8, share: float) -> bool:
     """Say whether more bytes leave all that is chosen in time."""
     for k in range(here, len(more)):
-        if k == here or (line.chosen[k] and more[k] > 0.0):
-            if line.brought_bytes[k] + more[k] > share * line.room_bytes[k]:
-                return False
+        asked = k == here or (line.chosen[k] and more[k] > 0.0)
+        if asked and line.brought_bytes[k] + more[k] > share * line.room_bytes[k]:
+            return False
     return True
 
 

@@ -53,6 +53,7 @@ class Selection:
     """Everything that one view decides."""
 
     terrain: Rows
+    rung: U1
     skirt_m: NDArray[np.float32]
     stand_in: NDArray[np.bool_]
     objects: Rows
@@ -60,7 +61,8 @@ class Selection:
     proxies: U1
     wants: dict[Lane, Wants]
     keep: dict[Lane, Rows]
-    """uploaded or not: rows that the view draws, or will draw when they come"""
+    """uploaded or not: rows that the view draws, or will draw when they come, and object
+    tiles that stand in for others when the view moves on"""
     made: Mapping[Lane, U1]
     """(n,) what it made of each cell; input of the next selection"""
     needed_bytes: int
@@ -89,6 +91,7 @@ class Selection:
             limits.objects_px,
             settled,
             sweep,
+            rung=self.rung,
         )
 
 
@@ -141,6 +144,7 @@ def select(
     needed_bytes += town.memory_bytes[things.needed].sum()
     return Selection(
         ground.drawn,
+        ground.rung,
         ground.skirt_m,
         ground.stand_in.view(np.bool_),
         things.drawn,
@@ -149,7 +153,7 @@ def select(
         {Lane.TERRAIN: terrain_wants, Lane.OBJECTS: object_wants},
         {
             Lane.TERRAIN: np.concatenate((ground.drawn, ground.targets)),
-            Lane.OBJECTS: np.concatenate((things.drawn, things.needed)),
+            Lane.OBJECTS: np.concatenate((things.drawn, things.needed, things.above)),
         },
         {Lane.TERRAIN: ground.refined, Lane.OBJECTS: things.made},
         int(needed_bytes),

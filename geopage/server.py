@@ -64,18 +64,21 @@ class TileServer:
         Seconds until the next step can do something, or None when nothing is pending.
         """
         if self._done is not None:
-            self._residency.timed(*self._done, now_s)
+            self._residency.rate.timed(*self._done, now_s)
             self._done = None
-        if self._asked and now_s >= self._asked[0][2]:
-            self._load(*self._asked.popleft()[:2])
+        waiting = len(self._asked)
+        self._asked = deque(one for one in self._asked if not self._is_stale(one[0]))
+        if len(self._asked) < waiting:
             return 0.0
         free_s = self.source.free_s(now_s)
-        if now_s >= free_s and len(self._asked) < MOST_ASKED and self._ask(now_s):
+        asked = now_s >= free_s and len(self._asked) < MOST_ASKED and self._ask(now_s)
+        if self._asked and now_s >= self._asked[0][2]:
+            self._load(*self._asked.popleft()[:2])
             return 0.0
         waits = [self._asked[0][2]] if self._asked else []
         if free_s > now_s and self._queue.pending(self.lane):
             waits.append(free_s)
-        return min(waits) - now_s if waits else None
+        return 0.0 if asked else min(waits) - now_s if waits else None
 
     def _ask(self, now_s: float) -> bool:
         """Take the best request; False when there is none that may be asked for now."""
@@ -96,11 +99,9 @@ class TileServer:
 
     def _load(self, row: int, asked_s: float) -> None:
         self._done = int(self._records[row]["tile_bytes"]), asked_s
-        if self._is_stale(row):
-            return
         try:
             body = self.source.read(self._records[row])
-            self._residency.count_read(len(body))
+            self._residency.count_read(self.lane, row, len(body))
             if self._is_stale(row):
                 return
             tile = self._decode(body)

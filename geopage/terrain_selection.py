@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What terrain one view draws and wants: five named passes over arrays.
+"""What terrain one view draws and wants: six named passes over arrays.
 
 refine walks down from the zones to the targets, cells whose screen error is small
 enough. cover walks back up and says where the uploaded tiles leave no gap. emit walks
 down again and takes the finest tiles without gap or overlap; a coarser tile that is
-taken instead of missing ones is a stand-in. skirts closes the cracks between tiles.
+taken instead of missing ones is a stand-in. rungs chooses the coarsest mesh of a tile
+that is good enough. skirts closes the cracks between tiles.
 want lists what is missing below the stand-ins and what each missing tile would gain.
 
 A *held* cell lies below a target that is not uploaded: its finer tiles are there from
@@ -50,13 +51,16 @@ class Terrain(NamedTuple):
 
     drawn: Rows
     """(d,) rows"""
+    rung: U1
+    """(d,) the mesh of each that is drawn: 0 the whole one, then its rungs"""
     skirt_m: F4
     """(d,)"""
     stand_in: U1
     """(d,) 1 where the tile is coarser than its target"""
     targets: Rows
     refined: U1
-    """(n,) 1 where it went on to the children: `before` of the next selection"""
+    """(n,) 1 where it went on to the children, 1 and the rung of a drawn tile: `before`
+    of the next selection"""
     wanted: Rows
     """(w,) rows"""
     benefit: F8
@@ -71,11 +75,16 @@ def select_terrain(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1)
     taken, stand = emit(plan, uploaded, by_children)
     drawn = plan.rows[taken]
     wanted, benefit, error_px = want(tree, lens, plan, uploaded, by_children, stand)
+    rung, error_m = rungs(tree, lens, tau, drawn, plan.scale[taken], before)
     refined = np.zeros(len(tree.parent), np.uint8)
     refined[plan.rows[plan.below >= 0]] = 1
+    for i in range(len(drawn)):
+        if not has_children(tree, drawn[i]):
+            refined[drawn[i]] = 1 + rung[i]
     return Terrain(
         drawn,
-        skirts(tree, drawn),
+        rung,
+        skirts(tree, drawn, error_m),
         (plan.kind[taken] == REFINED).astype(np.uint8),
         plan.rows[plan.kind == TARGET],
         refined,
@@ -94,7 +103,8 @@ def refine(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Plan
     tree, lens : the terrain and the view
     tau : threshold, px
     uploaded : (n,) 1 where the tile can be drawn
-    before : (n,) 1 where the last selection went on to the children
+    before : (n,) 1 where the last selection went on to the children (of leaves it says
+        something else)
     """
     n = len(tree.parent)
     rows, below, above = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
@@ -192,7 +202,34 @@ def emit(plan: Plan, uploaded: U1, by_children: U1) -> tuple[Rows, Rows]:
 
 
 @kernel
-def skirts(tree: Tree, drawn: Rows) -> F4:
+def rungs(
+    tree: Tree, lens: Lens, tau: float, drawn: Rows, scale: F8, before: U1
+) -> tuple[U1, F4]:
+    """Choose the coarsest mesh of each drawn tile whose screen error is small enough.
+
+    A tile changes to a coarser one only below COARSEN times the threshold.
+
+    Returns
+    -------
+    rung : (d,) 0 for the whole mesh
+    error_m : (d,) of the mesh that is drawn
+    """
+    rung, error_m = np.zeros(len(drawn), np.uint8), tree.mesh_error_m[drawn]
+    for i in range(len(drawn)):
+        row, c = drawn[i], tree.centre[drawn[i]]
+        limit = tau
+        if lens.sweep.shutter_s > 0.0:
+            limit = max(tau, blur_px(lens, c[0], c[1], c[2], tree.radius_m[row]))
+        for k in range(tree.rung_m.shape[1]):
+            is_coarser = before[row] > 0 and k + 1 > before[row] - 1
+            most = limit * COARSEN if is_coarser else limit
+            if tree.rung_m[row, k] * scale[i] <= most:
+                rung[i], error_m[i] = k + 1, tree.rung_m[row, k]
+    return rung, error_m
+
+
+@kernel
+def skirts(tree: Tree, drawn: Rows, error_m: F4) -> F4:
     """Return how deep each drawn tile's skirt must hang, (d,) m.
 
     A crack is at most as wide as the errors of the two tiles together. The link of a
@@ -211,9 +248,9 @@ def skirts(tree: Tree, drawn: Rows) -> F4:
                 other = tree.parent[other]
             if other >= 0:
                 j = place[other]
-                beside[i] = max(beside[i], tree.mesh_error_m[other])
-                beside[j] = max(beside[j], tree.mesh_error_m[row])
-    return beside + tree.mesh_error_m[drawn]
+                beside[i] = max(beside[i], error_m[j])
+                beside[j] = max(beside[j], error_m[i])
+    return beside + error_m
 
 
 @kernel

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from tiles import bounds, cells
 from tiles.forest import Forest, Rows
 from tiles.frames import Ecef
+from tiles.index_tree import rung_errors_m
 from tiles.kernels import kernel
 from tiles.lanes import Lane
+from tiles.terrain import MOST_RUNGS
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -38,6 +40,8 @@ class Tree(NamedTuple):
     """what the threshold is held against: terrain mesh or texel, worst proxy of objects"""
     mesh_error_m: F4
     """error of the drawn surface alone, for skirts"""
+    rung_m: F4
+    """(n, 3) errors of the rungs of terrain tiles, finer first, infinite where none is"""
     own_m: F4
     subtree_m: F4
     proxy_m: F4
@@ -58,6 +62,8 @@ def tree_of(forest: Forest, lane: Lane) -> Tree:
     error_m = records["error_m"].astype(np.float32)
     texel_m = records["texel_m"] if lane is Lane.TERRAIN else np.float32(0)
     selected_m = np.maximum(error_m, texel_m)
+    is_town = np.float32(lane is Lane.OBJECTS)
+    none_m = np.full((len(records), MOST_RUNGS), np.inf, np.float32)
     return Tree(
         np.flatnonzero(forest.parent < 0).astype(np.int32),
         np.asarray(cells.level(records["cell"])).astype(np.int16),
@@ -69,9 +75,10 @@ def tree_of(forest: Forest, lane: Lane) -> Tree:
         half_sides_m(forest, lane),
         selected_m.astype(np.float32),
         error_m,
-        records["own_dimension_m"].astype(np.float32),
-        records["subtree_dimension_m"].astype(np.float32),
-        records["proxy_dimension_m"].astype(np.float32),
+        none_m if is_town else rung_errors_m(records),
+        records["own_dimension_m"] * is_town,
+        records["subtree_dimension_m"] * is_town,
+        records["proxy_dimension_m"] * is_town,
         records["tile_bytes"].astype(np.int64),
         records["memory_bytes"].astype(np.int64),
         has_tile,

@@ -9,69 +9,97 @@ drawn point from the plane of the true triangle. On the rim, where neighbours mu
 is the distance of the two points with the same longitude and latitude.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ingest.deviation_kernels import framed, measure, only_in
+from ingest.deviation_kernels import framed, measure, only_in, over_posts
 from ingest.distance import Found, Mesh, Posts
 from ingest.terrain_mesh import Surface
 from ingest.truth import Truth
 from tiles.frames import Floats
-from tiles.mesh import UV_ONE
+
+Window = tuple[float, float, float]
+"""u, v and size of a leaf in a surface's cell, fractions of it"""
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
-    """Of every triangle of a surface, from one truth."""
+class Gaps:
+    """How far every triangle of a surface is from what was measured so far."""
 
-    squared: Floats
-    """(t,) m2"""
+    far_m: Floats
+    """(t,) with what lies between a truth's posts"""
     uv: Floats
     """(t, 2) where, in fractions of the surface's cell"""
-    truth: Truth
+    which: NDArray[np.int64]
+    """(t,) number of the truth"""
+
+    @classmethod
+    def begin(cls, surface: Surface, before: Self | None = None) -> Self:
+        """Start with what is known of triangles that an older surface has too."""
+        count = len(surface.triangles)
+        gaps = cls(np.zeros(count), np.zeros((count, 2)), np.zeros(count, np.int64))
+        if before:
+            known = np.flatnonzero(~surface.fresh)
+            gaps.far_m[known] = before.far_m[known]
+            gaps.uv[known], gaps.which[known] = before.uv[known], before.which[known]
+        return gaps
 
     @property
     def largest_m(self) -> float:
-        """Return the largest distance, with what lies between the truth's posts."""
-        return float(np.sqrt(self.squared.max(initial=0.0))) + self.truth.slack_m
+        """Return the largest distance."""
+        return float(self.far_m.max(initial=0.0))
+
+    def add(
+        self,
+        surface: Surface,
+        window: Window,
+        truth: Truth,
+        number: int = 0,
+        *,
+        upright: bool = False,
+        edges: bool = True,
+    ) -> None:
+        """Measure a surface's fresh triangles against the truth of a leaf in its cell.
+
+        Parameters
+        ----------
+        upright : measure along the vertical instead of the shortest way
+        edges : measure along edges too, not only at posts
+        """
+        todo = surface.fresh.copy()
+        if not only_in(todo, surface.uv, surface.triangles, window):
+            return
+        least = np.maximum(self.far_m - truth.slack_m, 0.0) ** 2
+        found = Found(least.copy(), np.empty_like(self.uv))
+        offset = surface.centre - truth.centre
+        points, at, xy = framed(surface.points, surface.uv, offset, window, truth.grid)
+        x, y, z = (float(one) * upright for one in truth.centre)
+        parts = surface.triangles, surface.on_rim, surface.across
+        mesh = Mesh(points, at, xy, *parts, (x, y, z))
+        bend = 0.05 + float(np.abs(truth.grid[:, 3:]).sum())
+        posts = Posts(truth.points, truth.uv, truth.grid, bend)
+        (measure if edges else over_posts)(mesh, posts, todo, found)
+        more = np.flatnonzero(found.squared > least)
+        self.far_m[more] = np.sqrt(found.squared[more]) + truth.slack_m
+        self.uv[more] = window[:2] + found.uv[more] * window[2]
+        self.which[more] = number
+        self.far_m[todo] = np.maximum(self.far_m[todo], truth.slack_m)
 
 
 def deviation_of(
-    surface: Surface,
-    window: tuple[float, float, float],
-    truth: Truth,
-    before: "Deviation | None" = None,
-    *,
-    upright: bool = False,
-    least_m: float = 0.0,
-) -> Deviation:
-    """Measure a surface against the truth of a leaf in its cell.
+    surface: Surface, window: Window, truth: Truth, *, upright: bool = False
+) -> Gaps:
+    """Measure all of a surface against the truth of a leaf in its cell.
 
     Parameters
     ----------
-    window : (u, v, size) of the leaf in the surface's cell, fractions of it
-    before : what was found for the surface before this one; triangles that they share
-        are not measured again
     upright : measure along the vertical instead of the shortest way
-    least_m : shorter distances need not be found; they are said to be as long
     """
-    low, size, count = np.array(window[:2]), window[2], len(surface.triangles)
-    least = max(least_m - truth.slack_m, 0.0) ** 2
-    found = Found(np.full(count, least), np.zeros((count, 2)))
-    todo = surface.fresh.copy() if before else np.ones(count, np.bool_)
-    meets = only_in(todo, surface.uv, surface.triangles, window)
-    if before:
-        known = np.flatnonzero(~surface.fresh)
-        found.squared[known], found.uv[known] = before.squared[known], before.uv[known]
-        if not meets:
-            return Deviation(found.squared, found.uv, truth)
-        found.uv[known] = (found.uv[known] - low) / size
-    offset = surface.centre - truth.centre
-    points, at, xy = framed(surface.points, surface.uv, offset, window, truth.grid)
-    rim = ((surface.at == 0) | (surface.at == UV_ONE)).any(axis=1)
-    x, y, z = (float(one) * upright for one in truth.centre)
-    mesh = Mesh(points, at, xy, surface.triangles, rim, surface.across, (x, y, z))
-    bend = 0.05 + float(np.abs(truth.grid[:, 3:]).sum())
-    measure(mesh, Posts(truth.points, truth.uv, truth.grid, bend), todo, found)
-    return Deviation(found.squared, low + found.uv * size, truth)
+    gaps = Gaps.begin(surface)
+    gaps.add(
+        replace(surface, fresh=np.ones_like(surface.fresh)), window, truth, upright=upright
+    )
+    return gaps

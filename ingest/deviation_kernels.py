@@ -18,7 +18,7 @@ from ingest.distance import (
     to_true_plane,
     upright_gap,
 )
-from ingest.truth import column_row, point_at
+from ingest.posts import column_row, point_at
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel
 
@@ -68,12 +68,12 @@ def only_in(todo: Flags, uv: Floats, triangles: Ints, window: Window) -> bool:
 @kernel
 def measure(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
     """Visit those triangles that are to do: they meet the leaf."""
-    _over_posts(mesh, posts, todo, found)
+    over_posts(mesh, posts, todo, found)
     _along_edges(mesh, posts, todo, found)
 
 
 @kernel
-def _over_posts(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
+def over_posts(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
     """Compare with the posts over each triangle."""
     at, points, triangles, xy = mesh.at, mesh.points, mesh.triangles, mesh.xy
     across = mesh.across

@@ -6,12 +6,13 @@ Insertion sees the places that a cell is made of; what is found too far elsewher
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import window_in
-from ingest.deviation import Deviation, deviation_of
+from ingest.deviation import Gaps
 from ingest.terrain_mesh import Meshing, Places, Surface, at_pole, snapped
 from ingest.truth import Truth, points_at
 from tiles.frames import Floats
@@ -34,6 +35,7 @@ def fitted(
     truths: Sequence[Truth],
     *,
     leaf: bool,
+    begun: "Fitting | None" = None,
 ) -> Fitted:
     """Mesh a cell so that all it stands for is within a bound, and measure it.
 
@@ -42,14 +44,15 @@ def fitted(
     truths : of all leaves in the cell
     leaf : every post of the truths is among the places; errors are measured along the
         vertical, so that a height read from the mesh is off by no more
+    begun : a coarser mesh of the same, to go on with
 
     Returns
     -------
     surface : of the round that came closest
     error_m : its largest distance from the truths
     """
-    fitting = Fitting(cell, places, truths, leaf=leaf)
-    if leaf and _is_rough(truths, fitting.goal_m(bound_m)):
+    fitting = begun or Fitting(cell, places, truths, leaf=leaf)
+    if leaf and not begun and fitting.roughness(bound_m) > NEARLY_ALL:
         fitting.take_all()
     best = fitting.within(bound_m, ROUNDS)
     if leaf and best[1] > fitting.goal_m(bound_m) + fitting.slack_m and not at_pole(cell):
@@ -67,13 +70,24 @@ class Fitting:
     ) -> None:
         self._cell, self._leaf = cell, leaf
         self._meshing = Meshing(cell, places, upright=leaf)
-        self._truths, self._found = truths, list[Deviation]()
+        self._truths = truths
+        self._gaps: Gaps | None = None
         self._windows = [window_in(cell, one.cell) for one in truths]
         self.slack_m = max(truth.slack_m for truth in truths)
 
     def goal_m(self, bound_m: float) -> float:
         """Return how close posts must be: closer than half of what is unknown is wasted."""
         return max(bound_m - self.slack_m, bound_m / 2, self.slack_m / 2)
+
+    def roughness(self, bound_m: float) -> float:
+        """Return the share of a leaf's posts that are too far from between others."""
+        if len(self._truths) > 1:
+            return 0.0
+        posts, goal_m = self._truths[0].points, self.goal_m(bound_m)
+        east = posts[1:-1, 1:-1] - (posts[1:-1, 2:] + posts[1:-1, :-2]) / 2
+        north = posts[1:-1, 1:-1] - (posts[2:, 1:-1] + posts[:-2, 1:-1]) / 2
+        far = np.maximum((east**2).sum(axis=-1), (north**2).sum(axis=-1)) > goal_m**2
+        return float(far.mean())
 
     def take_all(self) -> None:
         """Insert all places."""
@@ -89,18 +103,37 @@ class Fitting:
             best = min(best, self._refined(goal_m), key=_error)
         return best
 
+    def roughly(self, bound_m: float, rounds: int) -> Fitted:
+        """Do the same for less: what insertion knows of edges is not measured again."""
+        kept_m = self._insert(self.goal_m(bound_m))
+        if kept_m == np.inf:
+            return self.within(bound_m, rounds)
+        surface = self._meshing.surface()
+        gaps = Gaps.begin(surface)
+        whole, truth = replace(surface, fresh=np.ones_like(surface.fresh)), self._truths[0]
+        gaps.add(whole, self._windows[0], truth, upright=self._leaf, edges=False)
+        self._gaps = None
+        return surface, max(gaps.largest_m, kept_m + truth.slack_m)
+
+    def _insert(self, goal_m: float) -> float:
+        """Insert places; returns an error that is kept between them, m, if it knows."""
+        if not self._leaf or len(self._truths) > 1 or at_pole(self._cell):
+            self._meshing.refine(goal_m)
+            return np.inf
+        one = self._truths[0]
+        return self._meshing.close(goal_m, one.points, one.grid, one.centre)
+
     def _refined(self, goal_m: float) -> Fitted:
         """Insert places, and measure what has changed."""
-        self._meshing.refine(goal_m)
+        self._insert(goal_m)
         surface = self._meshing.surface()
-        before: list[Deviation | None] = [*self._found] or [None] * len(self._truths)
-        self._found = [
-            deviation_of(surface, window, truth, known, upright=self._leaf)
-            for window, truth, known in zip(
-                self._windows, self._truths, before, strict=True
-            )
-        ]
-        return surface, max(one.largest_m for one in self._found)
+        if self._gaps is None:
+            surface.fresh[:] = True
+        self._gaps = Gaps.begin(surface, self._gaps)
+        for number, truth in enumerate(self._truths):
+            window = self._windows[number]
+            self._gaps.add(surface, window, truth, number, upright=self._leaf)
+        return surface, self._gaps.largest_m
 
     def _add_too_far(self, goal_m: float) -> bool:
         """Add the place where each triangle is furthest from the truths, if it is too far.
@@ -108,18 +141,19 @@ class Fitting:
         Beside the cell's edge the place on the edge becomes a vertex too, or ever thinner
         triangles would creep up to it. False when there is no room for more.
         """
-        squared = np.stack([one.squared for one in self._found])
-        which = squared.argmax(axis=0)
-        far = squared.max(axis=0) > goal_m**2
+        gaps = self._gaps
+        assert gaps
+        slack_m = np.array([one.slack_m for one in self._truths])
+        far = gaps.far_m - slack_m[gaps.which] > goal_m
         at, points, near = [], [], []
-        for k in np.unique(which[far]):
-            one, mine = self._found[k], np.flatnonzero(far & (which == k))
-            uv, beside = one.uv[mine], np.flatnonzero(is_beside_rim(one.uv[mine]))
+        for k in np.unique(gaps.which[far]).tolist():
+            truth, mine = self._truths[k], np.flatnonzero(far & (gaps.which == k))
+            uv, beside = gaps.uv[mine], np.flatnonzero(is_beside_rim(gaps.uv[mine]))
             at.append(snapped(np.concatenate([uv, on_rim(uv[beside])])))
             near.append(np.concatenate([mine, mine[beside]]))
             window = self._windows[k]
-            there = points_at(one.truth, (at[-1] / UV_ONE - window[:2]) / window[2])
-            points.append(there + one.truth.centre)
+            there = points_at(truth, (at[-1] / UV_ONE - window[:2]) / window[2])
+            points.append(there + truth.centre)
         if not at:
             return False
         found = np.concatenate(at), np.concatenate(points), np.concatenate(near)
@@ -128,20 +162,6 @@ class Fitting:
 
 def _error(result: Fitted) -> float:
     return result[1]
-
-
-def _is_rough(truths: Sequence[Truth], goal_m: float) -> bool:
-    """Say whether nearly all posts of a leaf are too far from between their neighbours.
-
-    Such a leaf takes all of its posts, with the source's own triangles.
-    """
-    if len(truths) > 1:
-        return False
-    posts = truths[0].points
-    east = posts[1:-1, 1:-1] - (posts[1:-1, 2:] + posts[1:-1, :-2]) / 2
-    north = posts[1:-1, 1:-1] - (posts[2:, 1:-1] + posts[:-2, 1:-1]) / 2
-    far = np.maximum((east**2).sum(axis=-1), (north**2).sum(axis=-1)) > goal_m**2
-    return bool(far.mean() > NEARLY_ALL)
 
 
 def is_beside_rim(uv: Floats) -> NDArray[np.bool_]:

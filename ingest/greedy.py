@@ -54,25 +54,20 @@ class Lists(NamedTuple):
     """(m, 3) room for unit normals"""
     fresh: NDArray[np.bool_]
     """(m,) triangles written since somebody looked"""
+    unseen: NDArray[np.bool_]
+    """(m,) triangles written since somebody looked along their edges"""
 
 
 @inlined
-def _slopes(
-    points: Floats, middle: Floats, corner: Ints, star: Ints, size: int, normals: Floats
-) -> None:
-    """Write what a difference is multiplied by to give the distance from a triangle."""
-    upright = middle[0] != 0.0 or middle[1] != 0.0 or middle[2] != 0.0
+def _slopes(points: Floats, corner: Ints, star: Ints, size: int, normals: Floats) -> None:
+    """Write what a difference is multiplied by to give the distance from a plane."""
     for n in range(size):
         a, b, c = corner[star[n], 0], corner[star[n], 1], corner[star[n], 2]
         px, py, pz = points[a, 0], points[a, 1], points[a, 2]
         ux, uy, uz = points[b, 0] - px, points[b, 1] - py, points[b, 2] - pz
         vx, vy, vz = points[c, 0] - px, points[c, 1] - py, points[c, 2] - pz
         x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = np.sqrt(x * x + y * y + z * z)
-        if upright:
-            px, py, pz = middle[0] + px, middle[1] + py, middle[2] + pz
-            length = (x * px + y * py + z * pz) / np.sqrt(px * px + py * py + pz * pz)
-        length = max(length, 1e-12)
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-12)
         normals[n, 0], normals[n, 1], normals[n, 2] = x / length, y / length, z / length
 
 
@@ -83,6 +78,23 @@ def _off(points: Floats, normals: Floats, n: int, a: int, q: int) -> float:
     off += normals[n, 1] * (points[q, 1] - points[a, 1])
     off += normals[n, 2] * (points[q, 2] - points[a, 2])
     return float(off * off)
+
+
+@inlined
+def _off_upright(
+    at: Ints, points: Floats, middle: Floats, corners: Corners, q: int
+) -> float:
+    """Squared difference in height of a point and the triangle at the same place."""
+    a, b, c = corners
+    w0, w1, w2 = turn(at, b, c, q), turn(at, c, a, q), turn(at, a, b, q)
+    part = 1.0 / (w0 + w1 + w2)
+    off, squared = 0.0, 0.0
+    for k in range(3):
+        up = middle[k] + points[q, k]
+        there = (w0 * points[a, k] + w1 * points[b, k] + w2 * points[c, k]) * part
+        off += (there - points[q, k]) * up
+        squared += up * up
+    return float(off * off / squared)
 
 
 @inlined
@@ -97,20 +109,32 @@ def _off_rim(at: Ints, points: Floats, corners: Corners, q: int) -> float:
     return float(squared)
 
 
+@inlined
+def _is_at(at: Ints, weight: Floats, q: int, p: int) -> bool:
+    """Say whether a point is p, or lies where p is and so is not needed any more."""
+    same = p >= 0 and at[q, 0] == at[p, 0] and at[q, 1] == at[p, 1]
+    if same and q != p:
+        weight[q] = 0.0
+    return same
+
+
 @kernel
 def _assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int) -> None:
     """Give orphans but p to the triangle of a star that they lie over; note the worst."""
     at, corner, points, must = net.at, net.corner, net.points, net.must
     head, after, candidate, worst = lists.head, lists.after, lists.candidate, lists.worst
     normals = lists.normals
-    _slopes(points, net.middle, corner, star, size, normals)
+    middle = net.middle
+    upright = middle[0] != 0.0 or middle[1] != 0.0 or middle[2] != 0.0
+    if not upright:
+        _slopes(points, corner, star, size, normals)
     for n in range(size):
         t = star[n]
         head[t], candidate[t], worst[t] = -1, -1, -1.0
     while orphans >= 0:
         q = orphans
         orphans = after[q]
-        for n in range(size * int(q != p)):
+        for n in range(size * int(not _is_at(at, lists.weight, q, p))):
             t = star[n]
             a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
             if turn(at, a, b, q) < 0 or turn(at, b, c, q) < 0 or turn(at, c, a, q) < 0:
@@ -119,6 +143,8 @@ def _assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int)
             head[t] = q
             if at[q, 0] % UV_ONE == 0 or at[q, 1] % UV_ONE == 0:
                 squared = _off_rim(at, points, (a, b, c), q)
+            elif upright:
+                squared = _off_upright(at, points, middle, (a, b, c), q)
             else:
                 squared = _off(points, normals, n, a, q)
             if must[q]:
@@ -152,7 +178,7 @@ def begin(net: Net, lists: Lists, points: int) -> int:
 
 
 @kernel
-def _over(net: Net, t: int, q: int) -> int:
+def over(net: Net, t: int, q: int) -> int:
     """Walk from triangle t to the one that q lies over."""
     at, corner, opposite = net.at, net.corner, net.opposite
     k = 0
@@ -169,7 +195,7 @@ def _over(net: Net, t: int, q: int) -> int:
 def place(net: Net, lists: Lists, ids: Ints, size: int, near: Ints) -> None:
     """Find the triangles of points that must be inserted; those from `size` are new."""
     for i in range(len(ids)):
-        q, t = ids[i], _over(net, near[i], ids[i])
+        q, t = ids[i], over(net, near[i], ids[i])
         if q >= size:
             lists.after[q] = lists.head[t]
             lists.head[t] = q
@@ -179,9 +205,10 @@ def place(net: Net, lists: Lists, ids: Ints, size: int, near: Ints) -> None:
 @kernel
 def refine(net: Net, lists: Lists, count: int, bound: float) -> int:
     """Insert worst points until none is above the bound; returns the count of triangles."""
-    head, after, worst, fresh = lists.head, lists.after, lists.worst, lists.fresh
+    head, after, worst = lists.head, lists.after, lists.worst
+    fresh, unseen = lists.fresh, lists.unseen
     capacity = len(net.corner)
-    star, stack = np.zeros(capacity, np.int64), np.zeros(3 * capacity + 8, np.int64)
+    star, stack = np.empty(capacity, np.int64), np.empty(3 * capacity + 8, np.int64)
     half = 1
     while half * CHUNK < capacity:
         half *= 2
@@ -197,7 +224,7 @@ def refine(net: Net, lists: Lists, count: int, bound: float) -> int:
         count, size = insert(net, count, t, p, stack, star)
         _assign(net, lists, _orphaned(head, after, star, size), star, size, p)
         for n in range(size):
-            fresh[star[n]] = True
+            fresh[star[n]] = unseen[star[n]] = True
             _raise(peak, half, worst, star[n] // CHUNK)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, overlap
-from ingest.drape import SHARE, drape
+from ingest.drape import COARSE_M, SHARE, drape
 from ingest.layer import Layer
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel, summing
@@ -49,11 +49,29 @@ MOST_ROCK = np.float32(0.8)
 FINER, RELIEF_TEXELS = 0.7, 1.998
 FLAT_M = 0.5
 """Ground whose posts differ by less shows no relief at any level."""
+SEA_RELIEF = np.float32(0.35)
+"""How much of its relief the ground below the sea keeps: it is seen through water."""
+WET, DEEP = np.float32(1.3), np.float32(0.7)
+"""A picture's blue by red where it begins to look like water, and how much more it is
+when it surely does."""
+SHORE_M = np.float32(0.2), np.float32(1.5)
+"""The tint is the sea's up to the first height, the land's from the second on."""
+SURE_M, SURE_SHARE = (np.float32(-1.0), np.float32(60.0)), np.float32(1 / 30.0)
+"""Heights between which fine posts know what is sea: land may lie lower, lakes higher."""
+LEVEL, STEEPER = np.float32(0.985), np.float32(1 / 0.015)
+"""Upward part of a unit normal where ground begins to be too steep for water."""
+OPAQUE = np.float32(0.999)
+DARKER = np.float32(0.3)
+"""By how much the tint is darkened where it stands for a picture: pictures are darker."""
 SHADE, SUN = np.float32(0.46), np.float32(0.54 / 0.70710678)
 
 
 def colours(
-    cell: int, slopes: Floats, elevation_m: Floats, pictures: list[Layer]
+    cell: int,
+    slopes: Floats,
+    elevation_m: Floats,
+    pictures: list[Layer],
+    spacing_m: float = np.inf,
 ) -> NDArray[np.float32]:
     """Paint a cell.
 
@@ -62,12 +80,15 @@ def colours(
     slopes : (n + 1, n + 1, 3) float64, of `slopes_of` at posts of the cell
     elevation_m : (n + 1, n + 1) float64, the same posts above sea level
     pictures : coarsest first; the finest that covers a texel wins
+    spacing_m : between the posts of the finest elevation model that covers the cell
 
     Returns
     -------
     (256, 256, 3) float32, sRGB 0..255, row 0 south
     """
-    return _painted(_posts(slopes, elevation_m), drape(cell, pictures), _snow_line_m(cell))
+    posts, picture = _posts(slopes, elevation_m), drape(cell, pictures)
+    knows = np.float32(spacing_m < COARSE_M)
+    return _painted(posts, picture, _snow_line_m(cell), knows)
 
 
 def _snow_line_m(cell: int) -> NDArray[np.float32]:
@@ -120,7 +141,9 @@ def _posts(slopes: Floats, elevation_m: Floats) -> Rows:
 
 
 @summing
-def _painted(posts: Rows, picture: Rows, snow_m: NDArray[np.float32]) -> Rows:
+def _painted(
+    posts: Rows, picture: Rows, snow_m: NDArray[np.float32], knows: np.float32
+) -> Rows:
     """Paint every texel: height tint, snow, rock where it is steep, picture, relief.
 
     Parameters
@@ -128,6 +151,7 @@ def _painted(posts: Rows, picture: Rows, snow_m: NDArray[np.float32]) -> Rows:
     posts : of `_posts`, row 0 south
     picture : (256, 256, 5) of `drape`
     snow_m : (256,) of `_snow_line_m`
+    knows : 1 where the posts tell where the coast is, 0 where they are too far apart
     """
     side, size = posts.shape[0] - 1, picture.shape[0]
     out = np.empty((size, size, 3), np.float32)
@@ -157,15 +181,45 @@ def _painted(posts: Rows, picture: Rows, snow_m: NDArray[np.float32]) -> Rows:
                 rock = min(max((STEEP - up) * STEEPEST, ZERO), MOST_ROCK)
                 snow = min(max((height - snow_m[y]) * SNOW_SHARE, ZERO), ONE)
             light = _light(east * steeper, north * steeper, up)
-            bare = ONE - picture[y, x, SHARE]
+            if height < ZERO:
+                light = ONE + SEA_RELIEF * (light - ONE)
+            share = picture[y, x, SHARE]
+            kept = _kept(picture[y, x], height, up, knows)
+            bare = ONE - kept * share
+            bare -= DARKER * max(bare - (ONE - share), ZERO)
             for k in range(3):
                 tint = TINT_RGB[step, k]
                 tint += part * (TINT_RGB[step + 1, k] - tint)
                 tint += snow * (SNOW_RGB[k] - tint)
                 tint += rock * (ROCK_RGB[k] - tint)
-                colour = (bare * tint + picture[y, x, k]) * light
+                colour = (bare * tint + kept * picture[y, x, k]) * light
                 out[y, x, k] = min(max(colour, ZERO), WHITE)
     return out
+
+
+@inlined
+def _kept(texel: Rows, height: np.float32, up: np.float32, knows: np.float32) -> np.float32:
+    """Return what to multiply a coarse picture's part of a texel by.
+
+    Where picture and height don't agree on what is sea, one of both colours is left out,
+    else their edges cross each other: the picture's where the posts know better, near
+    sea level or where the ground is too steep for water; or else the tint.
+
+    Parameters
+    ----------
+    texel : (5,) of `drape`
+    """
+    share = texel[SHARE]
+    if share <= ZERO or share >= OPAQUE:
+        return ONE
+    red, blue = texel[0] / share, texel[2] / share
+    wet = min(max((blue - WET * red) / (DEEP * red + ONE), ZERO), ONE)
+    sea = min(max((SHORE_M[1] - height) / (SHORE_M[1] - SHORE_M[0]), ZERO), ONE)
+    agreed = ONE - abs(wet - sea)
+    low = (height - SURE_M[0]) if height < ZERO else (SURE_M[1] - height) * SURE_SHARE
+    steep = (LEVEL - up) * STEEPER if height > ZERO else ZERO
+    known = knows * min(max(low, steep, ZERO), ONE)
+    return known * agreed + (ONE - known) * (ONE - (ONE - share) * agreed) / share
 
 
 @inlined

@@ -2,6 +2,7 @@
 """The mesh of one terrain cell: greedy surface, skirt, 16-byte vertices."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edges_rad
+from ingest.closing import Under
 from ingest.triangulation import Triangulation
 from tiles import geodesy
 from tiles.frames import Ecef, Floats, Local
@@ -45,6 +47,7 @@ class Places:
 
 LEAN = 1 / 16
 POLAR_RAD = math.pi / 2 - 1e-9
+CORNER_STEPS = np.array([(UV_ONE, 0), (0, UV_ONE)])
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 """South-west, south-east, north-east, north-west"""
 
@@ -89,6 +92,11 @@ class Surface:
         return np.asarray(self.at / UV_ONE)
 
     @cached_property
+    def on_rim(self) -> NDArray[np.bool_]:
+        """Say which vertices lie on the cell's edge, (v,)."""
+        return np.asarray((self.at % UV_ONE == 0).any(axis=1))
+
+    @cached_property
     def points(self) -> Floats:
         """Return positions, (v, 3) float64 m around the mesh's centre."""
         return np.asarray(self.steps.astype(np.float64) * self.scale_m)
@@ -96,15 +104,55 @@ class Surface:
     @cached_property
     def mesh(self) -> Mesh:
         """Return what is stored, the skirt included."""
-        vertices = np.zeros(len(self.at), VERTEX)
-        vertices["position"], vertices["detail"] = self.steps, self.at
-        west, south, east, north = edges_rad(self.cell)
-        u, v = self.uv.T
-        up = geodesy.up(west + u * (east - west), south + v * (north - south))
-        vertices["normal"][:, :3] = np.rint(up * 127)
-        skirt, walls = _skirt(vertices, self.border)
-        indices = np.concatenate([self.triangles, walls]).astype("<u2").ravel()
-        return Mesh(self.centre, self.scale_m, np.concatenate([vertices, skirt]), indices)
+        frame = self.centre, self.scale_m
+        parts = [(self.triangles, self.border)]
+        return meshed(self.cell, frame, self.steps, self.at, parts)[0]
+
+
+def meshed(
+    cell: int,
+    frame: tuple[Ecef, float],
+    steps: NDArray[np.int16],
+    at: NDArray[np.int64],
+    surfaces: Sequence[tuple[NDArray[np.int64], NDArray[np.int64]]],
+) -> tuple[Mesh, list[int]]:
+    """Hang skirts under surfaces that share vertices.
+
+    Parameters
+    ----------
+    frame : centre and metres a step
+    steps, at : (v, 3) and (v, 2) of `Surface`
+    surfaces : triangles (t, 3) and border (b, 2) of each
+
+    Returns
+    -------
+    mesh : each surface's indices and then its skirt's
+    ends : where each surface's indices end, its skirt's included
+    """
+    vertices = np.zeros(len(at), VERTEX)
+    vertices["position"], vertices["detail"] = steps, at
+    west, south, east, north = edges_rad(cell)
+    u, v = (at / UV_ONE).T
+    up = geodesy.up(west + u * (east - west), south + v * (north - south))
+    vertices["normal"][:, :3] = np.rint(up * 127)
+    rim = np.unique(np.concatenate([border for _, border in surfaces]))
+    hem = vertices[rim].copy()
+    hem["flags"] |= SKIRT
+    parts, ends, count = [], [], 0
+    for triangles, border in surfaces:
+        below = np.searchsorted(rim, border) + len(vertices)
+        parts += [triangles, _walls(border, below)]
+        count += 3 * (len(triangles) + len(parts[-1]))
+        ends.append(count)
+    indices = np.concatenate(parts).astype("<u2").ravel()
+    return Mesh(*frame, np.concatenate([vertices, hem]), indices), ends
+
+
+def _walls(border: NDArray[np.int64], below: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Hang a wall under each directed rim edge; the renderer chooses its depth."""
+    a, b = border.T
+    low_a, low_b = below.T
+    return np.stack([a, low_a, low_b, a, low_b, b], axis=1).reshape(-1, 3)
 
 
 class Meshing:
@@ -124,6 +172,27 @@ class Meshing:
     def refine(self, bound_m: float) -> None:
         """Insert places until none is further than a bound, rounding included."""
         self._net.refine(max(bound_m - self._rounding_m, 0.0))
+
+    def close(
+        self, bound_m: float, posts: NDArray[np.float32], grid: Floats, origin: Ecef
+    ) -> float:
+        """Do the same between places too, where the posts are.
+
+        Parameters
+        ----------
+        posts, grid : of the cell's truth
+        origin : of the posts
+
+        Returns
+        -------
+        An error that is kept at places and along edges, infinite if none is known; m
+        """
+        to_map = np.ascontiguousarray(on_map(self._cell, CORNER_STEPS, self._lean).T)
+        offset = np.asarray(origin - self._centre)
+        under = Under(posts, grid, offset, to_map, not grid[:, 3:].any())
+        # Most of what rounding moves a vertex by is along its triangles.
+        goal_m = max(bound_m - self._rounding_m / 2, 0.0)
+        return goal_m + self._rounding_m if self._net.close(goal_m, under) else np.inf
 
     def refine_wholly(self) -> None:
         """Insert all places."""
@@ -194,17 +263,3 @@ def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:
     radius = np.tan((np.pi / 2 - turn * (south + v * (north - south))) / 2)
     angle = u * (east - west)
     return np.stack([radius * np.sin(angle), -turn * radius * np.cos(angle)], axis=1)
-
-
-def _skirt(
-    vertices: NDArray[np.void], border: NDArray[np.int64]
-) -> tuple[NDArray[np.void], NDArray[np.int64]]:
-    """Hang a wall under each directed rim edge; the renderer chooses its depth."""
-    rim, edges = np.unique(border, return_inverse=True)
-    hem = vertices[rim].copy()
-    hem["flags"] |= SKIRT
-    below = edges.reshape(-1, 2) + len(vertices)
-    a, b = border.T
-    low_a, low_b = below.T
-    walls = np.stack([a, low_a, low_b, a, low_b, b], axis=1).reshape(-1, 3)
-    return hem, walls

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import Box, touches, window_in
-from ingest.deviation import deviation_of
+from ingest.deviation import Gaps
 from ingest.fitting import fitted
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
+from ingest.rungs import Rung, joined_mesh, laddered
 from ingest.terrain_mesh import Places, Surface, build_surface
 from ingest.terrain_plan import Plan
 from ingest.terrain_tile import (
@@ -32,7 +33,7 @@ from ingest.terrain_tile import (
 from ingest.truth import Truth, places_of, truth_of
 from tiles import bounds, cells, terrain
 from tiles.codec import checksum
-from tiles.index_tree import INDEX
+from tiles.index_tree import INDEX, RUNG_FIELDS
 from tiles.lanes import Lane
 from tiles.terrain import TEXTURE_SIDE, TerrainTile, encode
 
@@ -56,6 +57,7 @@ class Node:
     children: list["Node"] = field(default_factory=list)
     truths: list[Truth] = field(default_factory=list)
     """of all leaves below"""
+    rungs: list[Rung] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,17 +188,18 @@ class ZoneBuilder:
         for node in self._above:
             if node.surface:
                 window = window_in(node.cell, leaf)
-                known_m = node.error_m
-                found = deviation_of(node.surface, window, truth, least_m=known_m)
-                node.error_m = max(known_m, found.largest_m)
+                count = len(node.surface.triangles)
+                far_m = np.full(count, node.error_m)  # shorter distances do not matter
+                gaps = Gaps(far_m, np.zeros((count, 2)), np.zeros(count, np.int64))
+                gaps.add(node.surface, window, truth)
+                node.error_m = gaps.largest_m
         return truth
 
     def _leaf(self, node: Node, places: Places) -> Node:
         """Mesh a leaf."""
         bound_m = self._plan.leaf_bound_m(node.cell)
-        node.surface, node.error_m = fitted(
-            node.cell, places, bound_m, node.truths, leaf=True
-        )
+        made = laddered(node.cell, places, bound_m, node.truths)
+        node.surface, node.error_m, node.rungs = made
         node.low_m = min(truth.low_m for truth in node.truths)
         node.high_m = max(truth.high_m for truth in node.truths)
         return node
@@ -219,7 +222,7 @@ class ZoneBuilder:
         ask = "SELECT body FROM tile WHERE row=?"
         body = self._mosaic.connection.execute(ask, (row,)).fetchone()[0]
         tile = terrain.decode(body)
-        triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
+        triangles = tile.surface()
         count = int(triangles.max()) + 1
         at = tile.mesh.vertices["detail"][:count].astype(np.int64)
         steps = tile.mesh.vertices["position"][:count]
@@ -257,15 +260,20 @@ class ZoneBuilder:
         texture, finer_m = painted(self._mosaic, held, self._pictures, node.cell)
         texel_m = finer_m if node.children else 0.0
         count = 3 * len(surface.triangles)
-        tile = TerrainTile(node.cell, surface.mesh, count, node.error_m, texel_m, texture)
+        mesh, rungs = joined_mesh(surface, node.rungs)
+        parts = count, node.error_m, texel_m, texture, rungs
+        tile = TerrainTile(node.cell, mesh, *parts)
         body = encode(tile)
         record = np.zeros(1, INDEX)
         # Between posts a triangle cuts through the planet, by no more than the error.
-        low_m, high_m = node.low_m - node.error_m, node.high_m + node.error_m
+        most_m = float(max([node.error_m, *rungs["error_m"]]))
+        low_m, high_m = node.low_m - most_m, node.high_m + node.error_m
         centre, radius_m = bounds.sphere_of(node.cell, low_m, high_m)
         record["cell"], record["centre"], record["radius_m"] = node.cell, centre, radius_m
         record["min_height_m"], record["max_height_m"] = low_m, high_m
         record["error_m"], record["texel_m"] = node.error_m, tile.texel_m
+        for name, rung in zip(RUNG_FIELDS, rungs, strict=False):
+            record[name] = rung["error_m"]
         record["children"] = 15 if node.children else 0
         record["tile_bytes"] = len(body)
         record["check"] = checksum(Lane.TERRAIN, node.cell, body)

@@ -110,5 +110,8 @@ def painted(
     heights, zero = found.reshape(lon.shape), sea.reshape(lon.shape)
     elevation = heights - zero
     slopes = slopes_of(mosaic, lon, lat, heights, (step, step_m(cell, TEXTURE_SIDE)))
-    texture = bc1.encode(colours(cell, slopes, elevation[1:-1, 1:-1], pictures))
+    inner = elevation[1:-1, 1:-1]
+    whole = [m.spacing_m for m in held if overlap(cell, m.bounds_deg) == edges_rad(cell)]
+    covering_m = min(whole, default=np.inf)
+    texture = bc1.encode(colours(cell, slopes, inner, pictures, covering_m))
     return texture, texel_m_of(cell, elevation, held, pictures)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.closing import Under, close
 from ingest.delaunay import Ints, Net
 from ingest.greedy import ALWAYS, CORNERS, Lists, begin, place, refine
 from tiles.frames import Floats
@@ -42,15 +43,21 @@ class Triangulation:
             np.full(room, np.inf),
             np.empty((2 * room, 3)),
             np.ones(2 * room, np.bool_),
+            np.ones(2 * room, np.bool_),
         )
         self._lists.after[: len(at) - 1] = np.arange(1, len(at))
-        self._ids = np.argsort(_key(at))
-        self._keys = _key(at)[self._ids]
+        self._ids = self._keys = np.zeros(0, np.int64)
         self._count = begin(self._net, self._lists, len(at))
 
     def refine(self, bound_m: float) -> None:
         """Insert worst points until none is above the bound."""
         self._count = refine(self._net, self._lists, self._count, bound_m * bound_m)
+
+    def close(self, bound_m: float, under: Under) -> bool:
+        """Do the same between points too; says whether the bound is kept there."""
+        parts = self._net, self._lists, under, self._count, self._size
+        self._count, self._size, kept = close(*parts, bound_m * bound_m)
+        return kept
 
     def refine_wholly(self) -> None:
         """Insert every point."""
@@ -64,6 +71,10 @@ class Triangulation:
         near : (n,) triangles, as `result` lists them, that they probably lie over;
             they are looked for from there
         """
+        if len(self._ids) != self._size:
+            known = _key(self._net.at[: self._size])
+            self._ids = np.argsort(known)
+            self._keys = known[self._ids]
         keys, first = np.unique(_key(at), return_index=True)
         place_of = np.searchsorted(self._keys, keys)
         same = self._ids[np.minimum(place_of, self._size - 1)]

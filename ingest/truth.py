@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ingest.boxes import edge_m, edges_rad, grown, overlap
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
+from ingest.posts import column_row, point_at
 from ingest.terrain_mesh import CORNERS, Places, snapped
 from tiles import geodesy
 from tiles.frames import Ecef, Floats
-from tiles.kernels import inlined, kernel
+from tiles.kernels import kernel
 from tiles.mesh import UV_ONE
 
 FIT_SIDE = 5
@@ -210,40 +211,6 @@ def _placed(
     low_m, high_m = (inside.min(), inside.max()) if inside.size else (np.inf, -np.inf)
     points = np.ascontiguousarray(ecef - centre, np.float32)
     return Truth(cell, Ecef(centre), points, uv, grid, slack_m, float(low_m), float(high_m))
-
-
-@inlined
-def column_row(grid: Floats, u: float, v: float) -> tuple[float, float]:
-    """Return column and row of a place of the cell."""
-    x = grid[0, 0] + grid[0, 1] * u + grid[0, 2] * v
-    y = grid[1, 0] + grid[1, 1] * u + grid[1, 2] * v
-    x += grid[0, 3] * u * u + grid[0, 4] * u * v + grid[0, 5] * v * v
-    y += grid[1, 3] * u * u + grid[1, 4] * u * v + grid[1, 5] * v * v
-    return x, y
-
-
-@inlined
-def point_at(points: NDArray[np.float32], x: float, y: float) -> tuple[float, float, float]:
-    """Return the point of the triangles at a column and row; outside, of the nearest."""
-    c = min(max(int(np.floor(x)), 0), points.shape[1] - 2)
-    r = min(max(int(np.floor(y)), 0), points.shape[0] - 2)
-    fx, fy = x - c, y - r
-    w00, w11 = 1.0 - max(fx, fy), min(fx, fy)
-    w01, w10 = max(fx - fy, 0.0), max(fy - fx, 0.0)
-    return (
-        w00 * points[r, c, 0]
-        + w01 * points[r, c + 1, 0]
-        + w10 * points[r + 1, c, 0]
-        + w11 * points[r + 1, c + 1, 0],
-        w00 * points[r, c, 1]
-        + w01 * points[r, c + 1, 1]
-        + w10 * points[r + 1, c, 1]
-        + w11 * points[r + 1, c + 1, 1],
-        w00 * points[r, c, 2]
-        + w01 * points[r, c + 1, 2]
-        + w10 * points[r + 1, c, 2]
-        + w11 * points[r + 1, c + 1, 2],
-    )
 
 
 @kernel

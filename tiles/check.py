@@ -12,7 +12,7 @@ from tiles import cells, objects, terrain, zones
 from tiles.codec import zstd
 from tiles.errors import TileFault
 from tiles.forest import Forest, build_forest
-from tiles.index_tree import is_monotone
+from tiles.index_tree import is_monotone, rung_errors_m
 from tiles.lanes import Lane
 from tiles.store import Store
 
@@ -73,6 +73,10 @@ def _tile_faults(
             yield f"{lane.name} tile {cells.text(cell)}: holds another cell's data"
         if tile.mesh.indices.max(initial=0) >= max(len(tile.mesh.vertices), 1):
             yield f"{lane.name} tile {cells.text(cell)}: an index beyond its vertices"
+        if isinstance(tile, terrain.TerrainTile):
+            stated = rung_errors_m(record[None])[0]
+            if stated[np.isfinite(stated)].tolist() != tile.rungs["error_m"].tolist():
+                yield f"{lane.name} tile {cells.text(cell)}: other rungs than stated"
         if isinstance(tile, objects.ObjectTile):
             seen += tile.objects["id"].tolist()
             if (np.diff(tile.objects["dimension_m"]) > 0).any():

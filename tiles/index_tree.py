@@ -18,9 +18,9 @@ INDEX = np.dtype(
         ("max_height_m", "<f4"),
         ("error_m", "<f4"),  # terrain: mesh; objects: worst of the cell's proxies
         ("texel_m", "<f4"),  # terrain: 0 where finer texture shows no more
-        ("own_dimension_m", "<f4"),  # largest of the cell's own objects
-        ("subtree_dimension_m", "<f4"),  # largest object at or below the cell
-        ("proxy_dimension_m", "<f4"),  # largest proxy at or below the cell
+        ("own_dimension_m", "<f4"),  # largest of the cell's own objects; see RUNG_FIELDS
+        ("subtree_dimension_m", "<f4"),  # largest object at or below the cell; likewise
+        ("proxy_dimension_m", "<f4"),  # largest proxy at or below the cell; likewise
         ("row", "<i4"),  # tile row in the store; 0: the cell has no tile of its own
         ("tile_bytes", "<u4"),  # stored
         ("memory_bytes", "<u4"),  # decoded
@@ -30,6 +30,27 @@ INDEX = np.dtype(
         ("unused", "u1", 2),
     ]
 )
+RUNG_FIELDS = "own_dimension_m", "subtree_dimension_m", "proxy_dimension_m"
+"""Of a terrain cell these hold the errors of its tile's rungs, finer first, or 0."""
+
+
+def rung_errors_m(records: NDArray[np.void]) -> NDArray[np.float32]:
+    """Return the errors of terrain tiles' rungs, (n, 3), infinite where there is none."""
+    stated = np.stack([records[name] for name in RUNG_FIELDS], axis=-1)
+    return np.where(stated > 0, stated, np.float32(np.inf))
+
+
+def drawn_errors_m(
+    records: NDArray[np.void], rung: NDArray[np.uint8]
+) -> NDArray[np.float32]:
+    """Return the errors of the meshes that are drawn of terrain tiles, (n,).
+
+    Parameters
+    ----------
+    rung : (n,) 0 for the whole mesh
+    """
+    every = np.column_stack([records["error_m"], rung_errors_m(records)])
+    return np.asarray(every[np.arange(len(records)), rung])
 
 
 def is_monotone(records: NDArray[np.void], parent: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -46,9 +46,9 @@ class Patch(NamedTuple):
     items: NDArray[np.int32]
 
 
-def patch_of(tile: TerrainTile) -> Patch:
-    """Sort a tile's surface triangles into squares."""
-    triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
+def patch_of(tile: TerrainTile, rung: int = 0) -> Patch:
+    """Sort the triangles of a tile's surface, or of a rung's, into squares."""
+    triangles = tile.surface(rung)
     uv = tile.mesh.vertices["detail"].astype(np.float64) / UV_ONE
     wanted = math.ceil(math.sqrt(len(triangles) / TRIANGLES_PER_SQUARE))
     side = min(max(wanted, 1), MOST_SQUARES)

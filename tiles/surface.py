@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from tiles import cells, terrain, zones
 from tiles.forest import Forest, build_forest
 from tiles.frames import Floats, Ints
+from tiles.index_tree import rung_errors_m
 from tiles.kernels import inlined, kernel
 from tiles.lanes import Lane
 from tiles.patch import Patch, heights_on, patch_of
 from tiles.store import Store
+from tiles.terrain import MOST_RUNGS
 
 CACHE_TILES = 256
 _ALONG = 1 << cells.MAX_LEVEL
@@ -44,7 +46,9 @@ class Surface:
         """(rows + 1,) measured error of each tile's mesh"""
         self.selected_m = np.maximum(self.error_m, np.append(records["texel_m"], 0.0))
         """(rows + 1,) what the threshold is held against: the mesh's error or the texel"""
-        self._cache: OrderedDict[int, Patch] = OrderedDict()
+        none_m = np.full((1, MOST_RUNGS), np.inf)
+        self._rung_m = np.concatenate([rung_errors_m(records), none_m])
+        self._cache: OrderedDict[tuple[int, int], Patch] = OrderedDict()
 
     def rows(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.int64]:
         """Return the forest row of the leaf at each place, -1 where there is no terrain.
@@ -99,10 +103,16 @@ class Surface:
             rows = np.where(deep, self._parent[rows], rows)
         return rows
 
-    def heights_in(self, rows: Ints, lon_rad: Floats, lat_rad: Floats) -> Floats:
+    def heights_in(
+        self, rows: Ints, lon_rad: Floats, lat_rad: Floats, rung: int = 0
+    ) -> Floats:
         """Return the heights that the tiles in `rows`, (n,), have at places of theirs, m.
 
         Where a row is -1, the height is 0.
+
+        Parameters
+        ----------
+        rung : 0 for the tiles' whole meshes
         """
         height = np.zeros(len(rows))
         order = np.argsort(rows, kind="stable")
@@ -112,7 +122,7 @@ class Surface:
         for end in ends.tolist():
             row, at = int(sorted_rows[first]), slice(first, end)
             if row >= 0:
-                heights_on(self._patch(row), lon[at], lat[at], found[at])
+                heights_on(self._patch(row, rung), lon[at], lat[at], found[at])
             first = end
         height[order] = found
         return height
@@ -123,15 +133,22 @@ class Surface:
         Parameters
         ----------
         lon_rad, lat_rad : (n,) float64
-        within_m : (n,) tiles above the leaf count up to this screen error, m (the
-            mesh's or a texel)
+        within_m : (n,) the leaf's rungs and the tiles above it count up to this screen
+            error, m (the mesh's or a texel)
 
         Returns
         -------
-        (n,) float64; infinite where no coarser tile is within the error
+        (n,) float64; infinite where nothing coarser is within the error
         """
         rows = self.rows(lon_rad, lat_rad)
         low, at = np.full(len(rows), np.inf), np.arange(len(rows))
+        for rung in range(1, MOST_RUNGS + 1):
+            coarse = np.flatnonzero(
+                (rows >= 0) & (self._rung_m[rows, rung - 1] <= within_m)
+            )
+            places = lon_rad[coarse], lat_rad[coarse]
+            height = self.heights_in(rows[coarse], *places, rung)
+            low[coarse] = np.minimum(low[coarse], height)
         while len(at):
             rows = self._parent[rows]
             coarse = np.flatnonzero((rows >= 0) & (self.selected_m[rows] <= within_m[at]))
@@ -144,14 +161,14 @@ class Surface:
         """Return the height of one place above the ellipsoid, m."""
         return float(self.heights(np.array([lon_rad]), np.array([lat_rad]))[0][0])
 
-    def _patch(self, row: int) -> Patch:
-        if row in self._cache:
-            self._cache.move_to_end(row)
-            return self._cache[row]
+    def _patch(self, row: int, rung: int) -> Patch:
+        if (row, rung) in self._cache:
+            self._cache.move_to_end((row, rung))
+            return self._cache[row, rung]
         record = self.forest.records[row]
         key = int(record["cell"]), int(record["row"]), int(record["check"])
-        patch = patch_of(terrain.decode(self._store.checked_body(Lane.TERRAIN, *key)))
-        self._cache[row] = patch
+        tile = terrain.decode(self._store.checked_body(Lane.TERRAIN, *key))
+        patch = self._cache[row, rung] = patch_of(tile, rung)
         if len(self._cache) > CACHE_TILES:
             self._cache.popitem(last=False)
         return patch

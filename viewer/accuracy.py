@@ -70,7 +70,7 @@ class Judge:
         hits, silhouettes : as in `geometric_error`
         """
         tiles = tiles or self._tiles
-        surface, errors = tiles.surface(drawn.terrain), tiles.leaf_error_m(drawn.terrain)
+        surface, errors = tiles.surface(drawn), tiles.leaf_error_m(drawn)
         return geometric_error(
             self.tree,
             surface,

@@ -43,7 +43,7 @@ IDLE_S, WAITING_S = 1.0, 0.004
 EXTRA_FRAMES = 6
 """The HUD settles in so many frames after an event."""
 WATCH_S = 2.0
-WELCOME = "drag turns, wheel zooms, double click flies there"
+WELCOME, WELCOME_S = "drag turns, wheel zooms, double click flies there", 20.0
 
 
 class Hud(Protocol):
@@ -107,7 +107,7 @@ class App:
         """Go on until the window is closed."""
         self.session.pager.view(self.navigator.view(0.0))
         self.session.pager.start()
-        self.say(WELCOME)
+        self.state.say(WELCOME, 0.0, WELCOME_S)
         start = time.monotonic()
         with gil.interval(gil.KEEP_S):
             while not self.state.closing:

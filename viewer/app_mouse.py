@@ -5,8 +5,8 @@ import math
 
 from viewer.events import MouseButton, MouseMove
 
-CLICK_PX, CLICK_S = 5.0, 0.5
-DOUBLE_PX, DOUBLE_S = 8.0, 0.4
+CLICK_PX, CLICK_S = 5.0, 1.0
+DOUBLE_PX, DOUBLE_S = 8.0, 0.6
 
 
 class Clicks:

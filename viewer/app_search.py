@@ -93,25 +93,17 @@ class Search:
             return False
         ends_s = time.perf_counter() + SLICE_S
         while time.perf_counter() < ends_s and self._parts is not None:
-            try:
-                ids = next(self._parts, None)
-            except InputError as error:
-                self.message, ids = str(error), None
-            if ids is None or len(self.hits) >= MOST:
+            ids = next(self._parts, None)
+            room = MOST - len(self.hits)
+            self.hits += [hit_of(one) for one in self._store.objects((ids or [])[:room])]
+            if ids is None or len(ids) > room:
                 self._end(more=ids is not None)
-            else:
-                self._add(ids)
         return True
-
-    def _add(self, ids: list[int]) -> None:
-        room = MOST - len(self.hits)
-        self.hits += [hit_of(one) for one in self._store.objects(ids[:room])]
 
     def _end(self, *, more: bool) -> None:
         self._parts = None
-        if not self.message:
-            count = f"{len(self.hits)} found" if self.hits else "nothing found"
-            self.message = f"the first {MOST}" if more else count
+        count = f"{len(self.hits)} found" if self.hits else "nothing found"
+        self.message = f"the first {MOST}" if more else count
 
 
 def place_of(words: str) -> Hit | None:

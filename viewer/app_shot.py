@@ -27,14 +27,17 @@ class Shot:
         self._pose, self._lens = app.navigator.pose, replace(lens, size_px=self._size_px)
         self._began_s = app.now_s
         self._still = 0
-        app.session.pager.view(self._view(app))
+        self._waits = not app.state.frozen  # a frozen selection is what is wanted
+        if self._waits:
+            app.session.pager.view(self._view(app))
         app.say(f"picture of {self._size_px[0]} x {self._size_px[1]}: loading")
 
     def step(self, app: "App") -> bool:
         """Take the picture when it is time; says whether that is over."""
         pager = app.session.pager
         self._still = self._still + 1 if pager.settled else 0
-        if self._still < 3 and app.now_s - self._began_s < LONGEST_S:
+        late = app.now_s - self._began_s > LONGEST_S
+        if self._waits and self._still < 3 and not late:
             return False
         self._take(app)
         return True
@@ -45,13 +48,17 @@ class Shot:
     def _take(self, app: "App") -> None:
         size = app.session.renderer.size_px
         file = free_name(app.state.out, app.session.store.path.stem, ".png")
-        app.set_size(self._size_px)
         renderer = app.session.renderer
         try:
+            app.set_size(self._size_px)
+            # The mark on a clicked building is for the eye, not for the picture.
+            renderer.overlay = replace(app.state.overlay, picked=None)
             renderer.draw(app.session.pager.draw_list().solid(), self._view(app))
             write_png(file, renderer.read_rgb())
         except InputError as error:
             app.say(str(error))
+        except RuntimeError as error:  # of the driver
+            app.say(f"no picture of this size: {error}")
         except ImportError:
             app.say("pictures need Pillow: pip install 'geopage[report]'")
         else:

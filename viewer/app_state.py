@@ -56,9 +56,9 @@ class AppState:
         """The time that a frame may take."""
         return 1000 / self.fps if self.fps else FRAME_MS
 
-    def say(self, message: str, now_s: float) -> None:
+    def say(self, message: str, now_s: float, for_s: float = MESSAGE_S) -> None:
         """Show a line for a while."""
-        self.message, self._message_ends_s = message, now_s + MESSAGE_S
+        self.message, self._message_ends_s = message, now_s + for_s
 
     def forget(self, now_s: float) -> bool:
         """Take the line away when it was long enough there; says whether it did."""

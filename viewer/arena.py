@@ -17,7 +17,7 @@ from viewer.allocator import FirstFit
 from viewer.buffers import LargeBuffer
 from viewer.coats import Coats
 from viewer.gl import Gl
-from viewer.slots import ObjectPool, make_slots, noise_of
+from viewer.slots import ObjectPool, make_slots, noise_of, put_parts
 from viewer.textures import MAX_LAYERS, TextureLayers, shows_water
 
 INDEX_BYTES = 2
@@ -105,6 +105,7 @@ class Arena:
         slot["box_rad"] = cells.bounds_rad(tile.cell)
         slot["wet"] = shows_water(tile.texture)
         slot["surface_count"] = tile.surface_index_count
+        put_parts(slot, tile)
         return True
 
     def _write(self, buffer: int, offset: int, data: NDArray[np.generic]) -> None:

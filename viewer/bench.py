@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from geopage.settings import MIB, PagerSettings
+from geopage.view import ViewState
 from tiles.errors import InputError
-from viewer.bench_chart import bench_chart
+from viewer.bench_chart import PICTURE, bench_chart
 from viewer.bench_methods import METHODS, SETTLED, Method, that_differ
 from viewer.bench_modes import (
     Course,
     Hurried,
     key_frames,
     paced,
+    read_rate,
     settled,
     time_in_turn,
     views_of,
@@ -104,6 +106,8 @@ def bench(store: Path, what: Bench, methods: Sequence[Method] = METHODS) -> Json
                 if scores.worst and case[2] in shown(what.sweep):
                     triples[case] = write_triple(what.out, rows[case], scores.worst)
                 show(len(rows))
+        finest = key_frames(scorer, views_on(scorer, course), METHODS[0], what.sweep[0])
+        about["tiles_read"] = read_rate(session, finest)
         scorer.stages.close()
     table = [rows[case] for case in cases]
     write(what.out, table, about, [triples[case] for case in cases if case in triples])
@@ -131,7 +135,7 @@ def measured(
 ) -> Iterator[tuple[Case, Json, Scores]]:
     """Measure cases, those that are compared soon after each other."""
     surface, size_px = scorer.session.surface, scorer.session.picture.size_px
-    views = views_of(course, Flight(course.path, surface, size_px))
+    views = views_on(scorer, course)
     still = [case for case in cases if case[1] == SETTLED]
     frames = [key_frames(scorer, views, case[0], case[2]) for case in still]
     times = time_in_turn(scorer, frames)
@@ -140,6 +144,12 @@ def measured(
     flight = Hurried(course.path, surface, size_px, course.seconds)
     for case in sorted(set(cases) - set(still), key=lambda c: (c[2], cases.index(c))):
         yield case, *paced(scorer, course, flight, case[0], case[2])
+
+
+def views_on(scorer: Scorer, course: Course) -> list[tuple[ViewState, ViewState]]:
+    """Return the views of the path's key frames."""
+    session = scorer.session
+    return views_of(course, Flight(course.path, session.surface, session.picture.size_px))
 
 
 def course_of(store: Path, what: Bench, path: CameraPath) -> Course:
@@ -184,7 +194,8 @@ def write(out: Path, rows: list[Json], about: Json, triples: list[Triple]) -> No
     """
     try:
         (out / "results.csv").write_text(as_csv(rows, about))
-        bench_chart(rows, about, out / "chart.svg", out / "chart.png")
+        bench_chart(rows, about, [out / "chart.svg", out / "chart.png"])
+        bench_chart(rows, about, [out / "pictures.svg"], PICTURE)
         bench_page(out, rows, about, triples)
     except OSError as error:
         reason = str(error.strerror or error)

@@ -11,46 +11,60 @@ from tiles.frames import Floats
 from viewer.charts import COLOURS, plain_ticks, pyplot, save
 
 ACROSS = (
-    ("paced", "frame_p50_ms", 1.0, "frame time, ms, to the 99th percentile"),
-    ("settled", "frame_p50_ms", 1.0, "frame time, ms, to the 99th percentile"),
-    ("settled", "triangles", 1e-3, "triangles a frame, thousands"),
-    ("settled", "bytes", 2.0**-20, "tiles drawn on the path, MiB stored"),
+    ("paced", "frame_p50_ms", 1.0, "time of a frame, ms (line: to the slowest 1 %)"),
+    ("settled", "frame_p50_ms", 1.0, "time of a frame, ms (line: to the slowest 1 %)"),
+    ("settled", "ground_triangles", 1e-3, "triangles of ground in a frame, thousands"),
+    ("settled", "bytes", 2.0**-20, "tiles drawn on the path, MiB as stored"),
 )
 """Mode, column of results.csv, its unit, and words"""
-TITLES = {"paced": "flown in real time", "settled": "settled: everything loaded"}
-UP = (
-    ("error_p95_px", 1e-2, "terrain error, px\n(95 % of pixels err less)"),
-    ("flip_mean", 1e-4, "FLIP against the reference\n(0 alike, 1 different)"),
+TITLES = {"paced": "flown in real time", "settled": "everything loaded"}
+GROUND = ("error_p95_px", 3e-2, "error of the drawn ground, px\n(95 % of pixels err less)")
+PICTURE = (
+    "flip_mean",
+    1e-4,
+    "difference from the finest picture\n(FLIP: 0 alike, 1 other)",
 )
-"""Columns, the least that a logarithmic axis shows of them, and words"""
-MARKERS = "osD^vP"
+"""Column, the least that a logarithmic axis shows of it, and words"""
+MOST_PX = 100.0
+"""What errs more is drawn here."""
+TITLE = "How wrong is the ground in a frame, and what does the frame cost?"
+HOW = (
+    " Lower left is better. Each curve is one way to choose detail on the same engine and"
+    " data, each mark a threshold in px."
+)
+INKS = ("#000000", *COLOURS, "#888888", "#7b3294")
+MARKERS = "osD^vPXd*"
 LABEL_STEP = 0.06
 TINY = 1e-3
 Json = dict[str, Any]
 Series = tuple[str, list[Json]]
 Styles = dict[str, tuple[str, str]]
+Kind = tuple[str, float, str]
 
 
-def bench_chart(rows: Sequence[Json], about: Json, *outs: Path) -> None:
+def bench_chart(
+    rows: Sequence[Json], about: Json, outs: Sequence[Path], what: Kind = GROUND
+) -> None:
     """Draw error over frame time, flown and settled, and over triangles and bytes.
 
     Parameters
     ----------
     rows, about : as `bench` returns them
     outs : files to write, .svg, .png or .pdf
+    what : error that is drawn; that of the pictures where the ground's is not known
 
     Raises
     ------
     InputError
     """
     plt = pyplot(outs[0])
-    up = [kind for kind in UP if any(kind[0] in row for row in rows)]
+    up = [what if any(what[0] in row for row in rows) else PICTURE]
     across = [kind for kind in ACROSS if any(kind[0] == row["mode"] for row in rows)]
-    size = 3.4 * len(across) + 3.4, 1.5 + 3.9 * len(up)
+    size = 3.4 * len(across) + 3.4, 6.0
     figure, panels = plt.subplots(
         len(up), len(across), figsize=size, sharey="row", squeeze=False
     )
-    figure.subplots_adjust(0.06, 1.05 / size[1], 0.9, 1 - 0.75 / size[1], 0.06, 0.12)
+    figure.subplots_adjust(0.06, 1.15 / size[1], 0.9, 1 - 1.0 / size[1], 0.06, 0.12)
     make_room(panels, across)
     styles = styles_of(rows)
     for line, vertical in zip(panels, up, strict=True):
@@ -66,8 +80,9 @@ def bench_chart(rows: Sequence[Json], about: Json, *outs: Path) -> None:
     for top, axes, kind in zip(panels[0], panels[-1], across, strict=True):
         top.set_title(TITLES[kind[0]], loc="left", fontsize=9)
         axes.set_xlabel(kind[3])
-    title = f"Speed against accuracy: {about['path']} over {about['store']}"
-    figure.suptitle(f"{title}, {about['picture']}", x=0.01, ha="left", fontsize=13)
+    figure.suptitle(TITLE, x=0.01, ha="left", fontsize=14)
+    flight = f"Flight {about['path']} over {about['store']}, {about['picture']}."
+    figure.text(0.01, 1 - 0.52 / size[1], flight + HOW, fontsize=9, color="#555555")
     figure.text(0.01, 0.01, _note(about), fontsize=8, color="#555555")
     for out in outs:
         save(figure, out)
@@ -105,8 +120,8 @@ def _note(about: Json) -> str:
     return (
         f"{about['machine']}; {about['gl_renderer']}; commit {about['commit']}."
         f" Paced: {about['paced']}. Settled: {about['settled']}.\n"
-        "A mark is a threshold, px (named on the first curve); | the same flight again with"
-        " everything resident. Lower left is better."
+        "Thresholds are named on the first curve. | is the same flight again with all"
+        f" in memory. Errors above {MOST_PX:g} px are drawn there."
     )
 
 
@@ -121,7 +136,7 @@ def _panel(
         colour, marker = styles[method]
         x, y = _points(of, across, vertical)
         extent.append(x)
-        axes.plot(x, y, "-", marker=marker, color=colour, ms=6, lw=1.4)
+        axes.plot(x, y, "-", marker=marker, color=colour, ms=6, lw=1.2 if i else 2.2)
         if across[1] == "frame_p50_ms":
             extent.append(_times(axes, of, x, y, colour))
         for row, at in zip(of, zip(x, y, strict=True), strict=True) if i == 0 else ():
@@ -130,6 +145,7 @@ def _panel(
             axes.annotate(words, at, xytext=(5, 5), **style)
     axes.set_xlim(limits(extent))
     plain_ticks(axes)
+    axes.yaxis.set_major_formatter("{x:g}")
 
 
 def limits(values: Sequence[Floats]) -> tuple[float, float]:
@@ -142,10 +158,10 @@ def limits(values: Sequence[Floats]) -> tuple[float, float]:
 
 
 def styles_of(rows: Sequence[Json]) -> Styles:
-    """Return colour and marker of each method."""
+    """Return colour and marker of each method; the first one's is black."""
     names = list(dict.fromkeys(row["method"] for row in rows))
     return {
-        name: (COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)])
+        name: (INKS[i % len(INKS)], MARKERS[i % len(MARKERS)])
         for i, name in enumerate(names)
     }
 
@@ -154,7 +170,7 @@ def _points(rows: Sequence[Json], across: Any, vertical: Any) -> tuple[Floats, F
     """Return x and y, (n,), NaN where not measured; a logarithm has no zero."""
     x = np.array([row.get(across[1], np.nan) for row in rows], np.float64) * across[2]
     y = np.array([row.get(vertical[0], np.nan) for row in rows], np.float64)
-    return np.maximum(x, TINY), np.maximum(y, vertical[1])
+    return np.maximum(x, TINY), np.clip(y, vertical[1], MOST_PX)
 
 
 def _times(axes: Any, rows: list[Json], x: Floats, y: Floats, colour: str) -> Floats:

@@ -12,6 +12,7 @@ from geopage.view import ViewState
 from tiles import cells
 from tiles.forest import Forest
 from tiles.frames import WGS84_A_M, Floats, Ints
+from tiles.index_tree import RUNG_FIELDS
 from tiles.lanes import Lane
 from tiles.mesh import VERTEX
 from tiles.terrain import TEXTURE_BYTES
@@ -42,6 +43,8 @@ def by_faces(forests: Forests, view: ViewState, threshold_px: float) -> DrawList
     triangles = mesh_bytes / (VERTEX.itemsize + 2 * INDICES_PER_VERTEX) * 2
     records["error_m"] = edges_m(records["cell"]) / np.sqrt(triangles / 2) / FACE
     records["texel_m"] = 0.0
+    for name in RUNG_FIELDS:
+        records[name] = 0.0
     faces = {**forests, Lane.TERRAIN: replace(ground, records=records)}
     chosen = ideal(faces, view, threshold_px, threshold_px)
     return replace(chosen, skirt_m=ideal_skirts(ground, chosen))
@@ -73,6 +76,7 @@ def by_range(forests: Forests, view: ViewState, threshold_px: float) -> DrawList
         terrain=terrain,
         skirt_m=2 * ground.records["error_m"][terrain],
         stand_in=np.zeros(len(terrain), np.bool_),
+        rung=None,
         objects=objects,
         own=np.ones(len(objects), np.bool_),
         proxies=np.zeros(len(objects), np.uint8),

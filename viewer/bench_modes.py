@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a method is measured: settled at key frames, or flown in real time."""
 
+import time
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -11,10 +12,11 @@ import numpy as np
 
 from geopage.draw_list import DrawList
 from geopage.policies.oracle import Oracle
-from geopage.settings import PagerSettings
+from geopage.settings import MIB, PagerSettings
 from geopage.view import ViewState
 from tiles.errors import InputError
 from tiles.frames import Floats
+from tiles.lanes import Lane
 from tiles.surface import Surface
 from viewer.bench_methods import Method
 from viewer.bench_score import Frame, KeyFrame, Scorer, Scores
@@ -188,6 +190,21 @@ def oracle(course: Course, flight: Flight, settings: PagerSettings) -> Json:
             pager.advance(now_s, now_s + FRAME_S)
         counted = pager.counters
     return {"oracle_bytes": counted["bytes_read"], "oracle_tiles": counted["tiles_loaded"]}
+
+
+def read_rate(session: Session, frames: Sequence[KeyFrame]) -> str:
+    """Say how fast the tiles of some frames are read, checked and unpacked."""
+    rows = {
+        lane: np.unique(np.concatenate([getattr(f.now.drawn, name) for f in frames]))
+        for lane, name in ((Lane.TERRAIN, "terrain"), (Lane.OBJECTS, "objects"))
+    }
+    start_s = time.perf_counter()
+    for lane, of in rows.items():
+        for row in of.tolist():
+            session.tile(lane, row)
+    seconds = time.perf_counter() - start_s
+    size, count = drawn_bytes(session, [frame.now.drawn for frame in frames]).values()
+    return f"{size / MIB / seconds:.0f} MiB a second: {count} tiles, page cache warm"
 
 
 def look(session: Session, frames: Sequence[KeyFrame]) -> Replay:

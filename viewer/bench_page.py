@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.bench_methods import METHODS
+from viewer.bench_methods import ABSENT, METHODS
 from viewer.bench_score import Worst
 from viewer.bench_table import COLUMNS, cell
 from viewer.charts import pyplot
@@ -89,14 +89,25 @@ def bench_page(
     parts = [
         head,
         _about(about),
-        '<h2>The chart</h2><a href="chart.svg"><img src="chart.svg" alt="Chart: terrain'
-        ' error and FLIP over frame time, triangles and bytes, a curve a method"></a>',
+        _charts(),
         _methods(rows),
         _table(rows),
         _frames(triples),
         _definitions(),
     ]
     write_document(out, title, parts)
+
+
+def _charts() -> str:
+    shown = [
+        f'<a href="{name}"><img src="{name}" alt="Chart: {words}, over frame time,'
+        ' triangles and bytes, a curve a method"></a>'
+        for name, words in (
+            ("chart.svg", "error of the drawn ground"),
+            ("pictures.svg", "difference from the finest picture"),
+        )
+    ]
+    return f"<h2>The charts</h2>{''.join(shown)}"
 
 
 def _about(about: Json) -> str:
@@ -114,7 +125,7 @@ def _methods(rows: Sequence[Json]) -> str:
         for one in METHODS
         if one.name in there
     )
-    return f"<h2>Methods</h2><table>{lines}</table>"
+    return f"<h2>Methods</h2><table>{lines}</table><p class=note>{escape(ABSENT)}</p>"
 
 
 def _table(rows: Sequence[Json]) -> str:

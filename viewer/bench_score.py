@@ -24,7 +24,7 @@ from viewer.accuracy import Judge, Judged, Tally, seen_in, without_objects
 from viewer.bench_stage import Stages
 from viewer.flip import F4, Prepared, compare, prepare
 from viewer.frame_stats import FrameStats
-from viewer.geometric_error import Hits, reference
+from viewer.geometric_error import NOT_COMPARED, FrameError, Hits, reference
 from viewer.key_frames import MOST_POSTS, WIDTH_PX, thinned
 from viewer.popping import popping
 from viewer.session import Session
@@ -80,6 +80,8 @@ class Scores:
     """mean squared differences of the pictures' 8-bit channels"""
     flip: list[float] = field(default_factory=list)
     popping: list[float] = field(default_factory=list)
+    triangles: list[int] = field(default_factory=list)
+    """of the ground"""
     worst: Worst | None = None
 
     def figures(self) -> Json:
@@ -90,6 +92,7 @@ class Scores:
             error["share_within_threshold"] = found["share_within_threshold"]
         square = float(np.mean(self.square))
         return {
+            "ground_triangles": float(np.mean(self.triangles)),
             **error,
             "psnr_db": 10 * math.log10(255**2 / square) if square else math.inf,
             "flip_mean": float(np.mean(self.flip)),
@@ -150,6 +153,8 @@ class Scorer:
         scores = Scores(Tally(threshold_px))
         for frame in frames:
             self._add(scores, frame, self._reference(frame))
+            bare = frame.now._replace(drawn=without_objects(frame.now.drawn))
+            scores.triangles.append(self.draw(bare).triangles)
             if self._judge:
                 scores.tally.add(self._measure(self._judge, frame.now, threshold_px))
         return scores
@@ -179,14 +184,14 @@ class Scorer:
             seen = thinned(seen_in(self.stages.session(mesh).renderer, view), every)
             if key[0] not in self._hits:
                 self._hits[key[0]] = reference(judge.tree, seen)
-            error = judge.judge(
-                bare,
-                seen,
-                threshold_px,
-                tiles=self.stages.tiles(mesh),
-                hits=self._hits[key[0]],
-                silhouettes=False,
-            )
+            hits = self._hits[key[0]]
+            if len(bare.terrain):
+                tiles = self.stages.tiles(mesh)
+                error = judge.judge(
+                    bare, seen, threshold_px, tiles=tiles, hits=hits, silhouettes=False
+                )
+            else:
+                error = nothing_drawn(hits, view, seen.tile.shape, threshold_px)
             self._judged[key] = Judged({"t_s": view.t_s}, error)
         return self._judged[key]
 
@@ -202,6 +207,17 @@ class Scorer:
     def _finest(self, view: ViewState) -> Frame:
         finest = self.reference_px
         return Frame(view, ideal(self.session.pager.forests, view, finest, finest))
+
+
+def nothing_drawn(
+    hits: Hits, view: ViewState, shape: tuple[int, ...], threshold_px: float
+) -> FrameError:
+    """Return the error of a frame without ground: the picture's width, where some is."""
+    earth = (hits[1] >= 0).reshape(shape)
+    error_px = np.where(earth, float(view.width_px), np.nan)
+    zero, limit = np.zeros(shape), np.full(shape, threshold_px)
+    excess = np.nan_to_num(error_px / limit)
+    return FrameError(error_px, zero, limit, excess, earth, NOT_COMPARED)
 
 
 def pose_of(view: ViewState) -> bytes:

@@ -13,6 +13,7 @@ import numpy as np
 from geopage.draw_list import DrawList
 from geopage.settings import PagerSettings
 from geopage.view import ViewState
+from tiles.index_tree import RUNG_FIELDS
 from tiles.lanes import Lane
 from tiles.objects import ObjectTile
 from tiles.terrain import TerrainTile
@@ -41,6 +42,8 @@ class Remeshed(Session):
         super().__init__(path, settings, picture, context=context)
         self._kind, self._forest = kind, self.pager.forests[Lane.TERRAIN]
         self._is_known = np.zeros(len(self._forest.records), np.bool_)
+        for name in RUNG_FIELDS:
+            self._forest.records[name] = 0.0
         self._tiles: OrderedDict[int, TerrainTile] = OrderedDict()
 
     def tile(self, lane: Lane, row: int) -> TerrainTile | ObjectTile:

@@ -52,6 +52,7 @@ COLUMNS = (
     Column("floor_p99_ms", "99th percentile of the same"),
     Column("settle_ms", "paced: time from an empty pager to the first settled view"),
     Column("triangles", "drawn in a frame, mean"),
+    Column("ground_triangles", "those of terrain alone, mean of the key frames"),
     Column("draw_calls", "draws inside the frame's multi-draws, mean"),
     Column("objects", "buildings and proxies drawn in a frame, mean"),
     Column(

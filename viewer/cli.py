@@ -100,6 +100,12 @@ def fly(words: list[str]) -> int:
         metavar="N",
         help="N paced flights, each beside its floors; writes pairs.json alone",
     )
+    how.add_argument(
+        "--profile",
+        type=float,
+        metavar="T_S",
+        help="where the time of the frame at T_S goes; writes profile.json alone",
+    )
     parser.add_argument("--poses", type=int, default=60, help="of a settled flight")
     parser.add_argument("--policy", choices=POLICIES, default="benefit")
     parser.add_argument("--throttle", type=THROTTLE, metavar="MIB_PER_S,LATENCY_MS")
@@ -132,9 +138,9 @@ def fly(words: list[str]) -> int:
         parser.error("--poses is below 2")
     if given.settled and given.fps:
         parser.error("--fps is for flights in real time")
-    if given.pairs:
-        return fly_pairs(given)
-    from viewer.run import Run  # noqa: PLC0415  (opens GL)
+    if given.pairs or given.profile is not None:
+        return look_closer(given)
+    from viewer.run import Run, summary  # noqa: PLC0415  (opens GL)
     from viewer.run import fly as fly_path  # noqa: PLC0415
 
     run = Run(given.path, given.out, not given.settled, given.poses, given.film)
@@ -148,45 +154,24 @@ def fly(words: list[str]) -> int:
     return 0
 
 
-def fly_pairs(given: argparse.Namespace) -> int:
-    """Fly a camera path several times beside its floors."""
-    from viewer import pairs  # noqa: PLC0415  (opens GL)
+def look_closer(given: argparse.Namespace) -> int:
+    """Fly a camera path several times beside its floors, or look at one frame of it."""
+    from viewer import frame_profile, pairs  # noqa: PLC0415  (opens GL)
 
-    found = pairs.fly_pairs(
-        given.store, settings_of(given), picture_of(given), given.path, given.pairs
-    )
-    pairs.write(found, given.out)
+    what = given.store, settings_of(given), picture_of(given), given.path
+    if given.pairs:
+        found = pairs.fly_pairs(*what, given.pairs)
+        pairs.write(found, given.out)
+        said = pairs.lines(found)
+    else:
+        found = frame_profile.profile_frame(*what, given.profile)
+        frame_profile.write(found, given.out)
+        said = frame_profile.lines(found)
     if given.json:
         print_json(found)
     else:
-        print("\n".join(pairs.lines(found)))
+        print("\n".join(said))
     return 0
-
-
-def summary(report: dict[str, Any]) -> str:
-    """Say in a few lines what a flight was like."""
-    frames, floor, error = report["frames"], report["floor"], report["screen_error_px"]
-    io, memory = report["io"], report["memory"]
-    waits = f", {frames['waits']} waits" if "waits" in frames else ""
-    held = report.get("frame_budget")
-    rate = (
-        f"\n{held['share_within']:.0%} of frames within {held['budget_ms']:.1f} ms,"
-        f" at thresholds of {held['threshold_px']['p50']:.2f} px (median) to"
-        f" {held['threshold_px']['max']:.2f} px"
-        if held
-        else ""
-    )
-    return (
-        f"{frames['count']} frames: mean {frames['mean_ms']:.1f} ms,"
-        f" sd {frames['sd_ms']:.1f}, median {frames['p50_ms']:.1f}"
-        f" (floor {floor['frame_p50_ms']:.1f}), p99 {frames['p99_ms']:.1f}"
-        f" (floor {floor['frame_p99_ms']:.1f})\n"
-        f"{frames['holes']} holes{waits}, {frames['with_stand_ins']} frames with stand-ins,"
-        f" screen error p50 {error['p50']:.2f} px, p95 {error['p95']:.2f} px\n"
-        f"{io['tiles_loaded']} tiles, {io['bytes_read'] / 1e6:.1f} MB read,"
-        f" peak {memory['peak_bytes'] / MIB:.0f} of {memory['budget_bytes'] / MIB:.0f} MiB"
-        + rate
-    )
 
 
 def accuracy(words: list[str]) -> int:

@@ -11,7 +11,8 @@ from geopage.settings import MIB, REPLAYED, PagerSettings, Throttle
 from tiles.errors import InputError
 from tiles.store import Store
 from tiles.surface import Surface
-from viewer.paging import page_flight
+from viewer.paging import ideal_bytes, page_flight
+from viewer.paging_chart import OURS, paging_chart
 from viewer.poses import Flight
 from viewer.progress import bar
 from viewer.recorded import read_flight
@@ -26,10 +27,13 @@ COLUMNS = (
     ("p95 px", "error_p95_px", "{:.2f}"),
     ("MB", "megabytes", "{:.1f}"),
     ("tiles", "tiles_loaded", "{}"),
+    ("x ideal", "bytes_over_ideal", "{:.2f}"),
     ("late", "tiles_late", "{}"),
-    ("unused", "tiles_unused", "{}"),
-    ("cancelled", "tiles_cancelled", "{}"),
+    ("p95 ms", "late_p95_ms", "{:.0f}"),
+    ("hit", "prediction_hit_share", "{:.0%}"),
+    ("undrawn", "never_drawn_share", "{:.1%}"),
 )
+LEAST_BYTES_S = 1024.0
 
 
 def replay(words: list[str]) -> int:
@@ -41,8 +45,11 @@ def replay(words: list[str]) -> int:
         "within: share of frames whose 95th percentile of the terrain's screen error, by"
         " area, is at most the threshold; rays meet the ellipsoid at the ground's height"
         " under the eye, a tile with nothing finer counts as 0. complete: and no object"
-        " tile is missing. late: uploaded after something stood in for it. The first view"
-        " is there before the clock starts, and is not counted.",
+        " tile is missing. x ideal: bytes read, by those of the distinct tiles that the views"
+        " draw when all is there. late: tiles uploaded after something coarser was drawn in"
+        " their place, and after how long. hit: share of tiles read before a view missed"
+        " them that were drawn; undrawn: share of all tiles read that never were. The first"
+        " view is there before the clock starts, and is not counted.",
     )
     parser.add_argument("store", type=Path)
     parser.add_argument("path", type=Path, metavar="PATH.json|FRAMES.csv")
@@ -59,19 +66,28 @@ def replay(words: list[str]) -> int:
         "--times",
         type=shares,
         metavar="X[,X..]",
-        help="throttled to so many times the bytes a second that benefit reads unthrottled",
+        help="throttled to so many times the bytes a second that the flight's views need:"
+        " those of the distinct tiles that they draw, over the time that it takes",
     )
     parser.add_argument("--size", type=size, default=(1280, 720), metavar="WxH")
     parser.add_argument("--threshold", type=positive, default=2.0, metavar="PX")
     parser.add_argument("--object-threshold", type=positive, metavar="PX")
     parser.add_argument("--budget", type=positive, default=512.0, metavar="MIB")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="what became of each tile")
+    parser.add_argument(
+        "--chart", type=Path, metavar="OUT.svg", help="good frames over line speed"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     given = parser.read(words)
+    if given.chart and not given.times:
+        raise InputError("--chart", "needs several line speeds", "add --times 0.25,0.5,1,2")
     rows = run(given)
+    if given.chart:
+        paging_chart([(f"{given.path.stem} over {given.store.stem}", rows)], given.chart)
     if given.json:
         print_json({"path": given.path.stem, "runs": rows})
     else:
-        print("\n".join(table(rows)))
+        print("\n".join([*table(rows), *leads(rows)]))
     return 0
 
 
@@ -101,21 +117,58 @@ def run(given: argparse.Namespace) -> list[Row]:
         flight = Flight(path, surface, given.size)
     limits = given.threshold, given.object_threshold
     plain = PagerSettings(*limits, int(given.budget * MIB), fade_s=0.0)
+    ideal = ideal_bytes(given.store, flight, plain)
     lines: list[Throttle | None] = [Throttle(*given.throttle) if given.throttle else None]
     if given.times:
-        needed = one(given.store, flight, plain)["bytes_read"] / path.duration_s / MIB
+        needed = max(ideal / path.duration_s, LEAST_BYTES_S) / MIB
         lines = [Throttle(needed * times) for times in given.times]
-    return [
-        one(given.store, flight, replace(plain, policy=policy, throttle=line))
-        for line in lines
-        for policy in given.policy
-    ]
+    rows = []
+    for line in lines:
+        for policy in given.policy:
+            settings = replace(plain, policy=policy, throttle=line)
+            out = folder_of(given, settings) if given.out else None
+            row = one(given.store, flight, settings, out)
+            row |= {"ideal_bytes": ideal}
+            if ideal:
+                row |= {"bytes_over_ideal": row["bytes_read"] / ideal}
+            rows.append(row)
+    return rows
 
 
-def one(store: Path, flight: Flight, settings: PagerSettings) -> Row:
+def folder_of(given: argparse.Namespace, settings: PagerSettings) -> Path:
+    """Return where one run's trace goes."""
+    out: Path = given.out
+    if len(given.policy) == 1 and len(given.times or (1,)) == 1:
+        return out
+    line = settings.throttle
+    return out / (f"{settings.policy}_{line.mib_per_s:.3g}" if line else settings.policy)
+
+
+def one(store: Path, flight: Flight, settings: PagerSettings, out: Path | None) -> Row:
     """Page the flight once."""
     with bar(f"paging by {settings.policy}", flight.path.duration_s, "s") as show:
-        return page_flight(store, flight, settings, show)
+        return page_flight(store, flight, settings, show, out)
+
+
+def leads(rows: list[Row]) -> list[str]:
+    """Say, for each line, how far ahead of the others our own policy is."""
+    lines = []
+    for line in dict.fromkeys(tuple(row["throttle"] or ()) for row in rows):
+        share = {
+            row["policy"]: 100 * row["share_frames_within"]
+            for row in rows
+            if tuple(row["throttle"] or ()) == line
+        }
+        if OURS not in share or len(share) == 1:
+            continue
+        parts = [
+            f"{share[OURS] - percent:+.1f} points to {name}"
+            for name, percent in share.items()
+            if name != OURS
+        ]
+        rate = f"at {line[0]:.3g} MiB/s " if line else ""
+        lines.append(f"{rate}{OURS} has {share[OURS]:.1f} % within: {', '.join(parts)}")
+    return lines
 
 
 def table(rows: list[Row]) -> list[str]:
@@ -123,9 +176,11 @@ def table(rows: list[Row]) -> list[str]:
     lines = [[title for title, _, _ in COLUMNS]]
     for row in rows:
         line = row["throttle"]
-        shown = {**row, "megabytes": row["bytes_carried"] / 1e6}
+        shown = {**row, **row["prediction"], "megabytes": row["bytes_carried"] / 1e6}
         shown["mib_per_s"] = line[0] if line else float("inf")
-        lines.append([form.format(shown[key]) for _, key, form in COLUMNS])
+        lines.append(
+            [form.format(shown[key]) if key in shown else "-" for _, key, form in COLUMNS]
+        )
     widths = [max(len(line[i]) for line in lines) for i in range(len(COLUMNS))]
     return [
         "  ".join(w.rjust(n) for w, n in zip(line, widths, strict=True)) for line in lines

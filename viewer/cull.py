@@ -162,6 +162,7 @@ class Lists(NamedTuple):
 @brief
 def cull_terrain(
     lists: Lists,
+    rung: NDArray[np.uint8],
     skirt_m: NDArray[np.float32],
     detail_m: NDArray[np.float32],
     eye: Eye,
@@ -172,6 +173,7 @@ def cull_terrain(
 
     Parameters
     ----------
+    rung : (n,) which mesh of each tile is drawn
     detail_m : (rows of the forest,) size of what a tile's data show; smaller is a texel
 
     Returns
@@ -191,7 +193,8 @@ def cull_terrain(
             continue
         record = lists.records[row]
         scale = error_px_per_m(eye.lens, centre, lists.radius_m[row], lists.half_m[row])
-        error_px = scale * max(record["error_m"], record["texel_m"])
+        part = rung[entry]
+        error_px = scale * max(slot["part_error_m"][part], record["texel_m"])
         _fill(room.instances[n], slot, eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]
         room.instances[n, 14] = LEAN
@@ -199,7 +202,8 @@ def cull_terrain(
         room.instances[n, 9] = slot["noise"][1] % period
         room.instances[n, 10] = slot["noise"][2]
         room.instances[n, 11] = slot["layer"]
-        _command(room.unsorted[n], slot, 0, slot["index_count"])
+        count = slot["part_count"][part]
+        _command(room.unsorted[n], slot, slot["part_first"][part], count)
         texel_m = slot["noise"][2] * PATCH_M / TEXTURE_SIDE
         seen_m = max(texel_m, detail_m[row])
         room.instances[n, 15] = seen_m / max(texel_m, 1e-6)
@@ -207,7 +211,7 @@ def cull_terrain(
         kinds[kind] += 1
         room.keys[n] = kind - scale / (1.0 + scale)
         n += 1
-        triangles += slot["index_count"] // 3
+        triangles += count // 3
         area = min((2.0 * radius * scale) ** 2, picture_px)
         error_sum += area * min(error_px, 1e6)
         area_sum += area

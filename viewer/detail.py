@@ -14,7 +14,7 @@ SHOWN = "terrain", "imagery"
 
 
 def detail_m(forest: Forest, sources: Sequence[dict[str, Any]]) -> NDArray[np.float32]:
-    """Return the spacing of the finest source that covers the middle of each cell.
+    """Return the spacing of the finest source that covers all of each cell.
 
     A cell beside finer data is smaller than its own data need: its texels show nothing
     of their own then.
@@ -29,16 +29,12 @@ def detail_m(forest: Forest, sources: Sequence[dict[str, Any]]) -> NDArray[np.fl
     spacing_m : (rows,) of posts or of a picture's pixels; 0 where no source is
     """
     west, south, east, north = np.degrees(cells.bounds_rad(forest.records["cell"]))
-    lon, lat = (west + east) / 2, (south + north) / 2
-    finest = np.full(len(lon), np.inf, np.float32)
+    finest = np.full(len(west), np.inf, np.float32)
     for source in sources:
         if source["kind"] in SHOWN:
-            box = source["bounds_deg"]
-            inside = (
-                (lat >= box[1])
-                & (lat <= box[3])
-                & ((lon - box[0]) % 360 <= box[2] - box[0])
-            )
+            left, low, right, high = source["bounds_deg"]
+            beside = (west - left) % 360 + (east - west) <= right - left
+            inside = beside & (south >= low) & (north <= high)
             finest[inside] = np.minimum(finest[inside], source["spacing_m"])
     finest[np.isinf(finest)] = 0.0
     return finest

@@ -6,8 +6,8 @@ from collections import OrderedDict
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geopage.draw_list import DrawList
 from tiles import cells, terrain
 from tiles.forest import Forest
 from tiles.frames import Ecef, Floats, Ints
@@ -62,15 +62,14 @@ class DrawnTiles:
 
     def __init__(self, store: Store, forest: Forest) -> None:
         self._store, self._forest = store, forest
-        self._cache: OrderedDict[int, TileBoxes] = OrderedDict()
+        self._cache: OrderedDict[tuple[int, int], TileBoxes] = OrderedDict()
 
-    def tile(self, row: int) -> TileBoxes:
-        """Return the triangles of the tile in a row of the forest."""
-        if row in self._cache:
-            self._cache.move_to_end(row)
-            return self._cache[row]
-        found = boxes_of(self.read(row))
-        self._cache[row] = found
+    def tile(self, row: int, rung: int = 0) -> TileBoxes:
+        """Return the triangles of a mesh of the tile in a row of the forest."""
+        if (row, rung) in self._cache:
+            self._cache.move_to_end((row, rung))
+            return self._cache[row, rung]
+        found = self._cache[row, rung] = boxes_of(self.read(row), rung)
         if len(self._cache) > CACHE_TILES:
             self._cache.popitem(last=False)
         return found
@@ -81,13 +80,17 @@ class DrawnTiles:
         key = int(record["cell"]), int(record["row"]), int(record["check"])
         return terrain.decode(self._store.checked_body(Lane.TERRAIN, *key))
 
-    def surface(self, rows: NDArray[np.int32]) -> DrawnSurface:
-        """Return the surface of the tiles in rows of the forest."""
-        return join([self.tile(row) for row in rows.tolist()])
+    def surface(self, drawn: DrawList) -> DrawnSurface:
+        """Return the surface of a list's terrain."""
+        return join(self._tiles(drawn))
 
-    def leaf_error_m(self, rows: NDArray[np.int32]) -> Floats:
+    def _tiles(self, drawn: DrawList) -> list[TileBoxes]:
+        pairs = zip(drawn.terrain.tolist(), drawn.rungs().tolist(), strict=True)
+        return [self.tile(row, rung) for row, rung in pairs]
+
+    def leaf_error_m(self, drawn: DrawList) -> Floats:
         """Return what leaves state as their error, m; 0 for tiles with children."""
-        errors = np.array([self.tile(row).error_m for row in rows.tolist()])
+        rows, errors = drawn.terrain, np.array([one.error_m for one in self._tiles(drawn)])
         return np.where(self._forest.records["children"][rows] == 0, errors, 0.0)
 
 
@@ -105,9 +108,9 @@ def join(tiles: list[TileBoxes]) -> DrawnSurface:
     )
 
 
-def boxes_of(tile: TerrainTile) -> TileBoxes:
-    """Sort a tile's triangles into boxes, neighbours beside each other."""
-    triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
+def boxes_of(tile: TerrainTile, rung: int = 0) -> TileBoxes:
+    """Sort a mesh's triangles into boxes, neighbours beside each other."""
+    triangles = tile.surface(rung)
     corners = tile.mesh.local[triangles]
     middle = tile.mesh.vertices["detail"][triangles].mean(axis=1) / UV_ONE
     order = np.argsort(_interleaved((middle * 1023).astype(np.int64)), kind="stable")

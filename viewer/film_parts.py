@@ -88,7 +88,7 @@ class Parts:
             before = json.loads(file.read_text())
             changed = [key for key in about if before.get(key) != about[key]]
             if changed:
-                reason = f"was begun with another {changed[0].replace('_', ' ')}"
+                reason = f"was begun with another {changed[0]}"
                 advice = f"go on with the same, or remove {self.folder} to begin anew"
                 raise InputError(self.out, reason, advice)
         fresh = self.folder / "fresh.json"

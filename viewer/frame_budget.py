@@ -41,8 +41,6 @@ PRIOR_SHARE = 0.5
 """Before anything is known, half of a frame's time grows with its triangles."""
 PRIOR_WEIGHT = 0.2
 """of that, in squared relative changes of a frame's load that count as much"""
-
-
 OUTLIER, LEAST_SPREAD = 3.0, 0.1
 """A frame counts as at most so many spreads off, the spread being at least this share of
 a frame: the system takes the processor away now and then."""

@@ -18,16 +18,28 @@ PARTS = (*(Lane.OBJECTS,) * 3, *(Lane.TERRAIN,) * 5)
 """The frame's multi-draws, as `FrameTable._set_draws` fills them."""
 JOINED = 3, 5
 """Parts that are shaded with the next one: every flush costs a little."""
+PART_NAMES = (
+    "objects",
+    "objects",
+    "objects that fade",
+    "ground with grain and water",
+    "ground with grain",
+    "ground with water",
+    "plain ground",
+    "plain ground",
+)
 
 
 class FrameTable:
     """Everything on the GPU that draws a frame, tiles apart.
 
     `block` is the frame block of `frame.glsl`; a frame is drawn with what it holds then.
+    With `one_by_one` the driver ends each part before the next, so that each has a time
+    of its own; a frame then takes longer.
     """
 
     def __init__(self, calls: Gl, arena: Arena, size_px: tuple[int, int]) -> None:
-        self._gl, self._arena = calls, arena
+        self._gl, self._arena, self._one_by_one = calls, arena, False
         self.target = Target(calls, size_px, (gl.RGBA8,))
         self.lanes = {
             lane: passes.LanePass(calls, arena, lane, FIRST_DRAWS) for lane in Lane
@@ -48,16 +60,37 @@ class FrameTable:
         self.share(table)
         self._uploads = {lane: p.add_upload(table) for lane, p in self.lanes.items()}
         self.target.begin(table)
+        if self._one_by_one:
+            table.add("glFinish")
+        table.stamp()
         self._draws = []
         for i, lane in enumerate(PARTS):
             program = self.lanes[lane].programs[0][0]
             self._draws.append(self.lanes[lane].add_draw(table, program))
             # A software driver then shades this part while it transforms the next.
-            if i not in JOINED:
+            if self._one_by_one:
+                table.add("glFinish")
+            elif i not in JOINED:
                 table.add("glFlush")
+            table.stamp()
         self._sky = passes.add_sky(table, self._skies[0], self._no_vertices)
+        table.stamp()
         table.add("glFinish")
         table.stamp()
+
+    def set_one_by_one(self, *, is_on: bool) -> None:
+        """Let the driver end each part before the next, or let parts overlap again."""
+        self._one_by_one = is_on
+        self._build()
+
+    @property
+    def stages_ms(self) -> dict[str, float]:
+        """Time of each part of the last frame's GL calls."""
+        names = ("draws' data, clearing", *PART_NAMES, "sky", "finish")
+        found = dict.fromkeys(names, 0.0)
+        for name, ns in zip(names, np.diff(self._table.stamps_ns).tolist(), strict=True):
+            found[name] += ns / 1e6
+        return found
 
     def _warm_up(self) -> None:
         """Draw an empty triangle with every program: drivers compile at the first use."""

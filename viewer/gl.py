@@ -95,7 +95,7 @@ def run_table(table: int, count: int) -> int:
 def egl_loader() -> Callable[[str], int]:
     """Return the loader of GL entry points of a headless context."""
     if sys.platform != "linux":
-        from viewer.window import address_of  # noqa: PLC0415  (imports this module)
+        from viewer.window_context import address_of  # noqa: PLC0415  (imports this module)
 
         return address_of
     get = ctypes.CDLL("libEGL.so.1").eglGetProcAddress

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is missing in a frame: pixels without a tile, objects without a proxy."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -71,7 +72,20 @@ class ObjectHoles:
         shown = np.zeros(len(self._forest.parent), bool)
         shown[drawn.objects] = True
         below = self._children_of(drawn)
-        return sum(not self._is_shown(int(row), shown, below) for row in wanted.objects)
+        rows = wanted.objects[self._in_picture(wanted.objects, view)]
+        return sum(not self._is_shown(row, shown, below) for row in rows.tolist())
+
+    def _in_picture(self, rows: NDArray[np.int32], view: ViewState) -> NDArray[np.bool_]:
+        """Say which cells reach into the cone around the picture, (n,).
+
+        A list is right for more than its own picture, but not the same beyond it.
+        """
+        away = self._forest.centre[rows] - view.eye
+        along = away @ view.forward
+        aside = np.sqrt(np.maximum((away**2).sum(axis=1) - along**2, 0.0))
+        sine = math.sqrt(1 - view.corner_cos**2)
+        reach_m = aside * view.corner_cos - along * sine
+        return np.asarray(reach_m <= self._forest.radius_m[rows])
 
     def _children_of(self, drawn: DrawList) -> set[int]:
         """Return the cells that a drawn proxy stands for."""

@@ -114,35 +114,37 @@ class ImguiHud:
         self._typing = io.want_text_input
 
     def _panels(self, app: "App", size: tuple[int, int], unit: float) -> None:
-        state = app.state
-        width, height = size
+        """Draw what is on: the help alone, or the panels, or only a message."""
+        state, (width, height) = app.state, size
         gap, bar = 12 * unit, 40 * unit
-        if state.hud_visible:
-            wide = min(316 * unit, width - 2 * gap)
-            self._begin("main", (gap, gap), (wide, 0), height - 3 * gap - bar)
-            self.tools.search(app)
-            hud_view.draw(app, unit)
-            self.look.draw(app, unit)
-            self.tools.draw(app)
-            self._end()
-            self._begin("bar", (gap, height - gap - bar), (width - 2 * gap, bar), bar)
-            hud_view.bar(app, width - 2 * gap)
-            self._end()
-            if hud_card.is_needed(app):
-                wide = min(330 * unit, width - 2 * gap)
-                place = width - gap - wide, gap
-                self._begin("card", place, (wide, 0), height - 3 * gap - bar)
-                hud_card.draw(app, unit)
-                self._end()
-        elif state.message:
-            place = gap, height - gap - bar
-            self._begin("message", place, (0, bar), bar)
-            imgui.text_unformatted(state.message)
-            self._end()
         hud_card.draw_measurement(app)
         if state.help_visible:
             self._begin("help", (width / 2, height / 2), (0, 0), height - gap, 0.5)
-            hud_help.draw(app)
+            hud_help.draw(app, unit)
+            self._end()
+        elif state.hud_visible:
+            self._begin("bar", (gap, height - gap - bar), (width - 2 * gap, bar), bar)
+            hud_view.bar(app, width - 2 * gap)
+            self._end()
+            self._columns(app, width - 2 * gap, height - 3 * gap - bar, unit)
+        elif state.message:
+            self._begin("message", (gap, height - gap - bar), (0, bar), bar)
+            imgui.text_unformatted(state.message)
+            self._end()
+
+    def _columns(self, app: "App", width: float, height: float, unit: float) -> None:
+        """Draw the panels on the left and, where there is anything, on the right."""
+        gap = 12 * unit
+        self._begin("main", (gap, gap), (min(316 * unit, width), 0), height)
+        self.tools.search(app)
+        hud_view.draw(app, unit)
+        self.look.draw(app, unit)
+        self.tools.draw(app)
+        self._end()
+        if hud_card.is_needed(app):
+            wide = min(330 * unit, width)
+            self._begin("card", (gap + width - wide, gap), (wide, 0), height)
+            hud_card.draw(app, unit)
             self._end()
 
     def _begin(

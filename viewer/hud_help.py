@@ -20,23 +20,25 @@ PANEL_HELP = (
 )
 
 
-def draw(app: "App") -> None:
-    """Draw the help's content."""
-    columns = (
-        ("Mouse", MOUSE_HELP),
-        ("Keys", HELD_HELP + tuple((c.label, c.help) for c in COMMANDS if c.help)),
-        ("Panels (Tab)", PANEL_HELP),
-    )
-    for title, rows in columns:
-        text_in(ACCENT, title)
-        if imgui.begin_table(title, 2, imgui.TableFlags_.sizing_fixed_fit):
-            for keys, meaning in rows:
-                imgui.table_next_row()
-                imgui.table_next_column()
-                imgui.text_unformatted(keys)
-                imgui.table_next_column()
-                imgui.text_disabled(meaning)
-            imgui.end_table()
-        imgui.spacing()
-    if imgui.button("Close"):
+def draw(app: "App", unit: float) -> None:
+    """Draw the help's content: mouse and panels on the left, keys on the right."""
+    keys = HELD_HELP + tuple((one.label, one.help) for one in COMMANDS if one.help)
+    imgui.begin_group()
+    _table("Mouse", MOUSE_HELP, 96 * unit)
+    imgui.spacing()
+    _table("Panels (Tab)", PANEL_HELP, 96 * unit)
+    imgui.end_group()
+    imgui.same_line(0, 32 * unit)
+    imgui.begin_group()
+    _table("Keys", keys, 150 * unit)
+    imgui.end_group()
+    if imgui.button("Close (H)"):
         app.state.help_visible = False
+
+
+def _table(title: str, rows: tuple[tuple[str, str], ...], column: float) -> None:
+    text_in(ACCENT, title)
+    for keys, meaning in rows:
+        imgui.text_unformatted(keys)
+        imgui.same_line(column)  # from where the group begins
+        imgui.text_disabled(meaning)

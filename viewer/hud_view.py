@@ -80,7 +80,7 @@ def _figures(app: "App", unit: float) -> None:
         count += np.bincount(pager.states(lane), minlength=len(State))
     wanted, loading = int(count[State.QUEUED]), int(count[State.LOADING])
     there = int(count[State.RESIDENT] + count[State.UPLOADED] + count[State.RELEASING])
-    pair("Tiles", f"{there} there, {loading} loading, {wanted} wanted", column)
+    pair("Tiles", f"{there} in, {loading} loading, {wanted} wanted", column)
     memory = pager.memory()
     used = sum(memory[f"{k}_bytes"] for k in ("index", "resident", "uploaded", "in_flight"))
     budget = memory["budget_bytes"]

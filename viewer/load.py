@@ -41,7 +41,7 @@ class Forecast:
         """
         eye = eye_of(view, drawn.sweep)
         lists = self._renderer.lists
-        ground = count_terrain(lists(Lane.TERRAIN, drawn.terrain), eye)
+        ground = count_terrain(lists(Lane.TERRAIN, drawn.terrain), drawn.rungs(), eye)
         things = count_objects(
             lists(Lane.OBJECTS, drawn.objects),
             (drawn.own, drawn.proxies, self._renderer.arena.pool.records),
@@ -62,7 +62,7 @@ def ahead_of(views: list[ViewState], floor_m: float = 0.0) -> ViewState:
 
 
 @brief
-def count_terrain(lists: Lists, eye: Eye) -> tuple[int, int, int]:
+def count_terrain(lists: Lists, rung: NDArray[np.uint8], eye: Eye) -> tuple[int, int, int]:
     """Return the visible tiles that are uploaded, those that are not, and triangles."""
     known, missing, triangles = 0, 0, 0
     for entry in range(len(lists.rows)):
@@ -73,7 +73,7 @@ def count_terrain(lists: Lists, eye: Eye) -> tuple[int, int, int]:
                 missing += 1
             else:
                 known += 1
-                triangles += slot["index_count"] // 3
+                triangles += slot["part_count"][rung[entry]] // 3
     return known, missing, triangles
 
 

@@ -171,7 +171,7 @@ def _lines(report: Json) -> list[tuple[str, str, str]]:
             f"drawn tiles, each once: {floor['bytes'] / mib:.1f} MiB",
         ),
         ("triangles a frame", f"{report['drawn']['triangles_mean']:,.0f}", "mean"),
-        ("where a frame's time goes", _stages(report["stages_ms"]), "mean per frame"),
+        ("where a frame's time goes", _stages(report), "mean (99th percentile)"),
     ]
     return lines
 
@@ -193,8 +193,12 @@ def _measured(report: Json) -> list[tuple[str, str, str]]:
     ]
 
 
-def _stages(stages: dict[str, float]) -> str:
-    return ", ".join(f"{name} {value:.1f} ms" for name, value in stages.items())
+def _stages(report: Json) -> str:
+    spreads = report["stages_spread_ms"]
+    return ", ".join(
+        f"{name} {value:.1f} ({spreads[name]['p99']:.1f}) ms"
+        for name, value in report["stages_ms"].items()
+    )
 
 
 def _chart(path: str, text: str) -> str:

@@ -19,13 +19,17 @@ from geopage.pager import Pager
 from geopage.policies.oracle import SLOT_S, Oracle
 from geopage.prediction import ground_under
 from geopage.screen_error import lens_of
-from geopage.selection import Thresholds, select, trees_of
+from geopage.selection import Thresholds, everything, select, trees_of
 from geopage.settings import MIB, PagerSettings
+from geopage.trace import summary
 from geopage.view import ViewState
 from tiles.errors import InputError
+from tiles.forest import build_forest
 from tiles.lanes import Lane
+from tiles.store import Store
 from viewer.area_error import by_area, screen_errors_px
 from viewer.flight import FRAME_S, UPLOAD_BYTES
+from viewer.paging_trace import write_trace_page
 from viewer.poses import Flight
 
 PERCENT = 95.0
@@ -56,6 +60,8 @@ class Paging:
             lane: np.zeros(len(tree.parent), np.uint8) for lane, tree in self.trees.items()
         }
         self.seen = Seen()
+        self.now_s = 0.0
+        """of the flight; the trace's clock"""
 
     def frame(self, view: ViewState) -> DrawList:
         """Do what a render loop does for one frame, but for the drawing."""
@@ -113,31 +119,66 @@ ADVICE = "give it more memory with --budget, or a larger --threshold"
 
 
 def page_flight(
-    store: Path, flight: Flight, settings: PagerSettings, progress: Callable[[float], None]
+    store: Path,
+    flight: Flight,
+    settings: PagerSettings,
+    progress: Callable[[float], None],
+    out: Path | None = None,
 ) -> dict[str, Any]:
-    """Page one flight and return its figures, JSON-ready."""
+    """Page one flight and return its figures, JSON-ready.
+
+    Parameters
+    ----------
+    out : folder for the trace and its page
+    """
     paging = Paging(store, replace(settings, policy="demand"))
     with paging.pager as pager:
         start_s = paging.settle(flight.view(0.0))
         pager.set_policy(settings.policy)
         if isinstance(pager.policy, Oracle):
             paging.foresee(pager.policy, flight)
+        trace = pager.record(lambda: paging.now_s)
         before, booked = pager.counters, carried(pager)
         count = round(flight.path.duration_s / FRAME_S)
         for i in range(count):
-            view = flight.view(i * FRAME_S)
+            paging.now_s = i * FRAME_S
+            view = flight.view(paging.now_s)
             drawn = paging.frame(view)
             paging.look(drawn, view)
-            now_s = start_s + i * FRAME_S
+            now_s = start_s + paging.now_s
             pager.advance(now_s, now_s + FRAME_S)
-            progress(i * FRAME_S)
+            progress(paging.now_s)
         spent = {key: value - before[key] for key, value in pager.counters.items()}
-        return figures(settings, paging.seen, spent) | {
+        found = figures(settings, paging.seen, spent) | {
             "bytes_carried": carried(pager) - booked,
             "peak_bytes": pager.memory()["peak_bytes"],
             "first_view_s": start_s,
             "seconds": flight.path.duration_s,
+            "prediction": summary(trace.table()),
         }
+        if out:
+            write_trace_page(out, trace.table(), paging.trees, found)
+        return found
+
+
+def ideal_bytes(store: Path, flight: Flight, settings: PagerSettings) -> int:
+    """Return the stored bytes of the distinct tiles that a flight's views draw.
+
+    When all is there; without those of the first view.
+    """
+    limits = Thresholds(settings.threshold_px, settings.objects_px)
+    with Store(store) as opened:
+        trees = trees_of({lane: build_forest(opened.index(lane)) for lane in Lane})
+    there, total = everything(trees), 0
+    drawn = {lane: np.zeros(len(tree.parent), np.bool_) for lane, tree in trees.items()}
+    times_s = np.arange(0.0, flight.path.duration_s, SLOT_S).tolist()
+    for i, t_s in enumerate(times_s):
+        chosen = select(trees, lens_of(flight.view(t_s)), there, limits)
+        for lane, rows in ((Lane.TERRAIN, chosen.terrain), (Lane.OBJECTS, chosen.objects)):
+            new = np.unique(rows[~drawn[lane][rows]])
+            drawn[lane][new] = True
+            total += int(trees[lane].tile_bytes[new].sum()) if i else 0
+    return total
 
 
 def carried(pager: Pager) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from geopage.draw_list import DrawList
 from geopage.view import ViewState
 from tiles.forest import Forest
+from tiles.index_tree import drawn_errors_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +44,10 @@ def pixel_error(
     terrain = ids > 0
     if not terrain.any():
         return PixelError(0.0, 1.0)
-    rows = drawn.terrain[ids[terrain] - 1]
-    records = forest.records[rows]
-    error_m = np.maximum(records["error_m"], records["texel_m"])
+    entries = ids[terrain] - 1
+    records = forest.records[drawn.terrain[entries]]
+    error_m = drawn_errors_m(records, drawn.rungs()[entries])
+    error_m = np.maximum(error_m, records["texel_m"])
     depth_m = distance_m[terrain] * _cosines(view, ids.shape)[terrain]
     error_px = error_m * view.focal_px / np.maximum(depth_m, 1e-3)
     kept = (error_px <= drawn.threshold_px) | (records["children"] == 0)

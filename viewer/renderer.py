@@ -88,6 +88,15 @@ class Renderer:
         self._probes = Probes(self.gl, size_px, self._frame.lanes)
         self.gl.check(f"resizing the picture to {size_px[0]}x{size_px[1]}")
 
+    def set_one_by_one(self, *, is_on: bool) -> None:
+        """Draw the parts of a frame one after the other, to see what each costs."""
+        self._frame.set_one_by_one(is_on=is_on)
+
+    @property
+    def stages_ms(self) -> dict[str, float]:
+        """Time of each part of the last frame's GL calls."""
+        return self._frame.stages_ms
+
     def set_styling(self, styling: Styling | None) -> None:
         """Draw objects in the colours of a style from now on; None: in their own."""
         self.arena.coats.set_styling(styling)
@@ -180,7 +189,7 @@ class Renderer:
         ground = self.lists(Lane.TERRAIN, draw_list.terrain)
         room = self._frame.lanes[Lane.TERRAIN].room
         picture_px = float(view.width_px * view.height_px)
-        sizes = draw_list.skirt_m, self.detail_m
+        sizes = draw_list.rungs(), draw_list.skirt_m, self.detail_m
         terrain = cull.cull_terrain(ground, *sizes, eye, picture_px, room)
         children = self.forests[Lane.TERRAIN].children
         drawn = Drawn(ground.rows, ground.slots, ground.records, children)
@@ -212,7 +221,7 @@ class Renderer:
             return np.ascontiguousarray(picture, np.uint8)
         total = np.full((height, width, 3), n * n // 2, np.uint16)
         for i, j in np.ndindex(n, n):
-            total += picture[i::n, j::n]
+            total += np.asarray(picture[i::n, j::n], np.uint8)
         return (total // (n * n)).astype(np.uint8)
 
     def read_empty(self) -> NDArray[np.bool_]:

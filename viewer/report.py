@@ -70,21 +70,22 @@ def flight_report(
             "rss_peak_bytes": int(frames["rss_bytes"].max()),
         },
         "drawn": drawn_figures(frames),
-        "stages_ms": {
-            "upload": float(frames["upload_ms"].mean()),
-            "selection": float(frames["cull_ms"].mean()),
-            "draw": float(frames["draw_ms"].mean()),
-            "rest": float(
-                (
-                    frames["frame_ms"]
-                    - frames["upload_ms"]
-                    - frames["cull_ms"]
-                    - frames["draw_ms"]
-                ).mean()
-            ),
-        },
+        **stage_figures(frames),
         "faults": list(session.pager.faults),
     }
+
+
+def stage_figures(frames: NDArray[np.void]) -> Json:
+    """Return where the time of the frames went, mean and spread."""
+    stages = {
+        "upload": frames["upload_ms"],
+        "selection": frames["cull_ms"],
+        "draw": frames["draw_ms"],
+    }
+    stages["rest"] = frames["frame_ms"] - sum(stages.values())
+    spreads = {name: percentiles(took) for name, took in stages.items()}
+    means = {name: float(took.mean()) for name, took in stages.items()}
+    return {"stages_ms": means, "stages_spread_ms": spreads}
 
 
 def frame_figures(frames: NDArray[np.void], played: Replay, *, paced: bool) -> Json:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from geopage.selection import Thresholds
-from geopage.settings import PagerSettings
+from geopage.settings import MIB, PagerSettings
 from geopage.style import Style
 from tiles.errors import InputError, TileFault
 from tiles.lanes import Lane
@@ -172,4 +172,30 @@ def _write_page(run: Run, report: Json, recording: Recording, played: Replay) ->
     charts = [("flight.svg", text)]
     write_page(
         run.out, Page(f"Flight {name}", f"Flown {seen}.", report, film_name, (), charts)
+    )
+
+
+def summary(report: Json) -> str:
+    """Say in a few lines what a flight was like."""
+    frames, floor, error = report["frames"], report["floor"], report["screen_error_px"]
+    io, memory = report["io"], report["memory"]
+    waits = f", {frames['waits']} waits" if "waits" in frames else ""
+    held = report.get("frame_budget")
+    rate = (
+        f"\n{held['share_within']:.0%} of frames within {held['budget_ms']:.1f} ms,"
+        f" at thresholds of {held['threshold_px']['p50']:.2f} px (median) to"
+        f" {held['threshold_px']['max']:.2f} px"
+        if held
+        else ""
+    )
+    return (
+        f"{frames['count']} frames: mean {frames['mean_ms']:.1f} ms,"
+        f" sd {frames['sd_ms']:.1f}, median {frames['p50_ms']:.1f}"
+        f" (floor {floor['frame_p50_ms']:.1f}), p99 {frames['p99_ms']:.1f}"
+        f" (floor {floor['frame_p99_ms']:.1f})\n"
+        f"{frames['holes']} holes{waits}, {frames['with_stand_ins']} frames with stand-ins,"
+        f" screen error p50 {error['p50']:.2f} px, p95 {error['p95']:.2f} px\n"
+        f"{io['tiles_loaded']} tiles, {io['bytes_read'] / 1e6:.1f} MB read,"
+        f" peak {memory['peak_bytes'] / MIB:.0f} of {memory['budget_bytes'] / MIB:.0f} MiB"
+        + rate
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tiles import cells
 from tiles.objects import ObjectTile
+from tiles.terrain import MOST_RUNGS, TerrainTile
 from viewer.allocator import FirstFit
 
 SLOT = np.dtype(
@@ -32,6 +33,9 @@ SLOT = np.dtype(
         ("proxy_count", "<i4", 4),
         ("wet", "<i4"),  # terrain: its texture shows water
         ("surface_count", "<i4"),  # terrain: indices without the skirt
+        ("part_first", "<i4", 1 + MOST_RUNGS),  # terrain: whole mesh, rungs
+        ("part_count", "<i4", 1 + MOST_RUNGS),
+        ("part_error_m", "<f4", 1 + MOST_RUNGS),
     ],
     align=True,
 )
@@ -54,6 +58,15 @@ def noise_of(cell: int) -> tuple[float, float, float]:
     row, col = (int(x) for x in cells.global_row_col(cell))
     patches = 2.0 ** (PATCH_LEVEL - int(cells.level(cell)))
     return col * patches % FAR_PERIOD, row * patches % FAR_PERIOD, patches
+
+
+def put_parts(slot: np.void, tile: TerrainTile) -> None:
+    """Note a tile's meshes; what it lacks is drawn as its coarsest."""
+    parts = tile.parts()
+    which = np.minimum(np.arange(1 + MOST_RUNGS), len(parts) - 1)
+    slot["part_first"] = parts["first_index"][which]
+    slot["part_count"] = parts["index_count"][which]
+    slot["part_error_m"] = parts["error_m"][which]
 
 
 class ObjectPool:

@@ -6,11 +6,7 @@ for the screen stops no paging. All calls belong to the thread that made the win
 """
 
 import math
-import re
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
@@ -31,17 +27,8 @@ from viewer.events import (
     Wheel,
 )
 from viewer.gl import Gl
+from viewer.window_context import Loader, address_of, make_window, raising
 
-GL_VERSION = 4, 3
-NEEDS = "geopage view needs OpenGL 4.5 (or 4.3 with direct state access and clip control)"
-ADVICE = {
-    "darwin": "macOS stops at OpenGL 4.1: use a machine with Linux or Windows",
-    "win32": "install the graphics driver of the card's maker",
-}
-NO_DISPLAY = (
-    "run it on a desktop, or make pictures without a window: `geopage render`, `film`"
-)
-_WORDS = re.compile(r"""\(\d+\) b?['"]?(.*?)\.?['"]?""")
 NONE: Any = None
 SIGNS = {"+": "equal", "-": "minus"}
 BUTTONS: dict[int, Button] = {0: "left", 1: "right", 2: "middle"}
@@ -76,13 +63,13 @@ class Window:
         self._events: list[Event] = []
         self._left_is_right = False
         self._windowed: tuple[int, int, int, int] | None = None
-        with _raising():
-            self.handle = _open(title, size_px, visible=visible)
+        with raising():
+            self.handle = make_window(title, size_px, visible=visible)
             Window.count += 1
             glfw.make_context_current(self.handle)
             glfw.swap_interval(1)
         try:
-            loader: Any = _Loader(self.handle)
+            loader: Any = Loader(self.handle)
             self.gl = Gl(moderngl.create_context(context=loader), address_of)
         except Exception:
             self.close()
@@ -192,6 +179,8 @@ class Window:
 
     def _listen(self) -> None:
         add, handle = self._events_add, self.handle
+        self._cursor = self._px(*glfw.get_cursor_pos(handle))
+        """where the mouse was at the last event, not where it has got to since"""
         glfw.set_cursor_pos_callback(handle, self._on_move)
         glfw.set_mouse_button_callback(handle, self._on_button)
         glfw.set_scroll_callback(handle, self._on_wheel)
@@ -206,17 +195,15 @@ class Window:
         self._events.append(event)
 
     def _px(self, x: float, y: float) -> tuple[float, float]:
-        """Return the middle of the pixel at a position; some screens have several a unit."""
+        """Return the middle of the pixel at a place; some screens have several a unit."""
         width, height = glfw.get_window_size(self.handle)
         across, down = glfw.get_framebuffer_size(self.handle)
         column, row = x * across / max(width, 1), y * down / max(height, 1)
         return math.floor(column) + 0.5, math.floor(row) + 0.5
 
-    def _cursor(self) -> tuple[float, float]:
-        return self._px(*glfw.get_cursor_pos(self.handle))
-
     def _on_move(self, _: Any, x: float, y: float) -> None:
-        self._events_add(MouseMove(*self._px(x, y)))
+        self._cursor = self._px(x, y)
+        self._events_add(MouseMove(*self._cursor))
 
     def _on_button(self, _: Any, button: int, action: int, mods: int) -> None:
         if button in BUTTONS:
@@ -227,10 +214,10 @@ class Window:
             if name == "left" and self._left_is_right:
                 name = "right"  # for those who have one button
             now_s = time.monotonic()
-            self._events_add(MouseButton(*self._cursor(), name, down, shift, now_s))
+            self._events_add(MouseButton(*self._cursor, name, down, shift, now_s))
 
     def _on_wheel(self, _: Any, __: float, notches: float) -> None:
-        self._events_add(Wheel(*self._cursor(), notches))
+        self._events_add(Wheel(*self._cursor, notches))
 
     def _on_key(self, _: Any, key: int, code: int, action: int, mods: int) -> None:
         shift, control = bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL)
@@ -247,25 +234,6 @@ def _key_name(key: int, code: int) -> str:
     return SIGNS.get(written, name)
 
 
-class _Loader:
-    """What moderngl asks of a context that it did not make."""
-
-    def __init__(self, handle: Any) -> None:
-        self._handle = handle
-
-    def load_opengl_function(self, name: str) -> int:
-        return address_of(name)
-
-    def __enter__(self) -> None:
-        glfw.make_context_current(self._handle)
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def release(self) -> None:
-        pass
-
-
 def open_hidden() -> moderngl.Context:
     """Return the context of a window that is never shown, where there is no EGL.
 
@@ -274,61 +242,3 @@ def open_hidden() -> moderngl.Context:
     InputError
     """
     return Window("geopage", (64, 64), visible=False).gl.context
-
-
-def address_of(name: str) -> int:
-    """Return the address of an entry point; GLFW makes up some for names it can't know."""
-    if name.startswith("egl") and not _has_egl():
-        return 0
-    address: Any = glfw.get_proc_address(name)
-    return int(address or 0)
-
-
-def _has_egl() -> bool:
-    handle = glfw.get_current_context()
-    api = glfw.get_window_attrib(handle, glfw.CONTEXT_CREATION_API)
-    return bool(api == glfw.EGL_CONTEXT_API)
-
-
-def _open(title: str, size_px: tuple[int, int], *, visible: bool) -> Any:
-    """Return a new window; GLFW's errors become one line each."""
-    try:
-        glfw.init()
-    except glfw.GLFWError as error:
-        raise InputError("window", f"no display ({_reason(error)})", NO_DISPLAY) from None
-    # EGL goes with headless contexts in one process, GLX does not; others have their own.
-    kinds = [glfw.EGL_CONTEXT_API] if sys.platform.startswith("linux") else []
-    reason = ""
-    for kind in (*kinds, glfw.NATIVE_CONTEXT_API):
-        glfw.default_window_hints()
-        glfw.window_hint(glfw.CONTEXT_CREATION_API, kind)
-        glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, GL_VERSION[0])
-        glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, GL_VERSION[1])
-        glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
-        glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, glfw.TRUE)
-        glfw.window_hint(glfw.VISIBLE, int(visible))
-        glfw.window_hint(glfw.DEPTH_BITS, 0)
-        glfw.window_hint(glfw.STENCIL_BITS, 0)
-        glfw.window_hint(glfw.SCALE_TO_MONITOR, glfw.TRUE)
-        try:
-            return glfw.create_window(*size_px, title, None, None)
-        except glfw.GLFWError as error:
-            reason = _reason(error)
-    advice = ADVICE.get(sys.platform, "install Mesa's drivers (libgl1-mesa-dri, libegl1)")
-    raise InputError("window", f"no OpenGL context ({reason})", f"{NEEDS}; {advice}")
-
-
-def _reason(error: Exception) -> str:
-    """Return GLFW's own words."""
-    words = _WORDS.fullmatch(str(error))
-    return words[1] if words else str(error)
-
-
-@contextmanager
-def _raising() -> Iterator[None]:
-    """Turn GLFW's errors into exceptions for a while; later ones are not worth a stop."""
-    glfw.ERROR_REPORTING = "raise"
-    try:
-        yield
-    finally:
-        glfw.ERROR_REPORTING = "ignore"

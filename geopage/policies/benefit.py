@@ -114,7 +114,8 @@ class Benefit(LeastRecentlyUsed):
             found = ranked(needs[lane], tree.tile_bytes, line, self._marks[lane])
             requests[lane] = self._requests(seen, lane, *found)
             tight |= bool(found[1].max(initial=0.0) > UNMET / 2)
-        return Plan(requests, [{lane: needs[lane].keep for lane in Lane}]) if tight else None
+        keep = {lane: needs[lane].keep for lane in Lane}
+        return Plan(requests, [keep]) if tight else None
 
     def _choose(self, seen: Situation, needs: dict[Lane, Needs], line: Line) -> None:
         """Choose terrain's goals, the finest first, then those of objects."""

@@ -13,9 +13,10 @@ import pytest
 
 import geopage
 from geopage.cli import main
-from geopage.find import Condition, parse, view_of
+from geopage.find import Condition, find_ids, find_in_parts, parse, view_of
 from tests.tiles.towns import town
 from tiles.errors import InputError
+from tiles.store import Store
 
 Attributes = dict[str, Any]
 NAMES = ("Straße des Friedens", "O'Hara's \"Bar\"", "100 %", "café _ 7")
@@ -151,3 +152,11 @@ def test_conditions_are_read_from_left_to_right() -> None:
     assert parse("a:b >= 1") == Condition("a:b", ">=", "1")
     with pytest.raises(InputError, match="not a number"):
         parse("a>b=1")
+
+
+def test_a_search_in_parts_finds_the_same(world: tuple[Path, list[Attributes]]) -> None:
+    with Store(world[0]) as store:
+        whole = find_ids(store, "levels>3")
+        parts = list(find_in_parts(store, "levels>3", at_once=3))
+    assert max(map(len, parts)) <= 3
+    assert [one for part in parts for one in part] == whole

@@ -70,7 +70,7 @@ def test_a_tile_is_due_when_the_first_chosen_frame_needs_it(
 def test_what_is_used_last_goes_first(trees: dict[Lane, Tree]) -> None:
     oracle, limit = Oracle(), Thresholds(2.0, 2.0)
     views = [view_at(h) for h in (1e7, 1e6, 1e5, 1e4, 1e3)]
-    oracle.foresee(trees, views, [limit] * len(views), np.inf)
+    oracle.foresee(trees, views, [0.0] * len(views), limit, np.inf)
     needs = oracle._needs[Lane.TERRAIN]
     first = needs.argmax(axis=0)
     rows = np.array([np.flatnonzero(needs.any(axis=0) & (first == k))[0] for k in (1, 3)])

@@ -26,6 +26,9 @@ class StubSource:
         self.read_rows: list[int] = []
         self.meanwhile = lambda: None
 
+    def free_s(self, now_s: float) -> float:
+        return now_s
+
     def ready_s(self, record: np.void, now_s: float) -> float:
         assert record["row"] > 0
         return now_s + self.delay_s
@@ -65,8 +68,9 @@ class Bench:
 
     def want(self, *rows: int) -> None:
         asked = np.array(rows, np.int32)
-        cancelled = self.queue.replace_lane(LANE, asked, np.arange(float(len(rows))))
-        self.residency.queued(LANE, asked, cancelled)
+        ranks = np.arange(float(len(rows)))
+        cancelled = self.queue.replace_lane(LANE, asked, ranks)
+        self.residency.queued(LANE, asked, ranks, cancelled)
 
     def state(self, row: int) -> State:
         return self.residency.state(LANE, row)
@@ -92,6 +96,7 @@ def test_a_slow_source_is_waited_for_by_the_clock(bench: Bench) -> None:
     row = int(bench.rows[0])
     bench.source.delay_s = 0.5
     bench.want(row)
+    assert bench.server.step(10.0) == 0.0
     assert bench.server.step(10.0) == 0.5
     assert bench.server.step(10.4) == pytest.approx(0.1)
     assert bench.state(row) is State.LOADING

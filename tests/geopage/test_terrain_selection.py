@@ -12,6 +12,7 @@ from geopage.view import ViewState
 from tests.geopage.worlds import SPOT, deep_globe, object_records, view_at
 from tiles import cells
 from tiles.forest import Rows, build_forest
+from tiles.index_tree import RUNG_FIELDS
 from tiles.lanes import Lane
 
 FORESTS = {
@@ -92,7 +93,7 @@ def test_a_session_covers_the_globe_once_throughout(
     refined = None
     for view, subset in steps:
         chosen = select(TREES, lens_of(view), flags_with_roots(subset), LIMITS, refined)
-        refined = chosen.refined
+        refined = chosen.made
         assert_covers_the_globe_once(chosen.terrain)
 
 
@@ -153,11 +154,11 @@ def test_a_target_that_is_missing_is_stood_in_for_by_its_parent() -> None:
 def test_detail_stays_while_a_coarser_target_loads() -> None:
     near = select(TREES, lens_of(view_at(1e3)), everything(TREES), LIMITS)
     flags = uploaded_by(near)
-    far = select(TREES, lens_of(view_at(1e6)), flags, LIMITS, near.refined)
+    far = select(TREES, lens_of(view_at(1e6)), flags, LIMITS, near.made)
     spot = LAND.level[far.terrain] > 6
     assert set(near.terrain[LAND.level[near.terrain] > 6]) == set(far.terrain[spot])
     flags[Lane.TERRAIN][far.wants[Lane.TERRAIN].rows] = 1
-    later = select(TREES, lens_of(view_at(1e6)), flags, LIMITS, far.refined)
+    later = select(TREES, lens_of(view_at(1e6)), flags, LIMITS, far.made)
     assert LAND.level[later.terrain].max() < LAND.level[far.terrain].max()
 
 
@@ -165,7 +166,7 @@ def test_detail_does_not_change_back_and_forth_at_the_threshold() -> None:
     lens, flags = lens_of(view_at(1e5)), everything(TREES)
     first = select(TREES, lens, flags, LIMITS)
     for factor in (1.05, 0.999, 1.1, 1.2):
-        again = select(TREES, lens, flags, LIMITS.times(factor), first.refined)
+        again = select(TREES, lens, flags, LIMITS.times(factor), first.made)
         assert set(first.terrain) <= set(again.terrain) | set(
             select(TREES, lens, flags, LIMITS.times(factor * 0.8)).terrain
         )
@@ -218,3 +219,32 @@ def test_a_zone_root_is_wanted_before_everything_else() -> None:
     wants = select(TREES, lens_of(view_at(1e3)), flags, LIMITS).wants[Lane.TERRAIN]
     first = wants.rows[np.argsort(-wants.benefit)][:32]
     assert sorted(first.tolist()) == list(range(32))
+
+
+def test_the_coarsest_mesh_within_the_threshold_is_drawn() -> None:
+    """And one that was drawn goes only when the threshold is well below its error."""
+    records = deep_globe()
+    leaf = cells.level(records["cell"]) == cells.level(records["cell"]).max()
+    for times, name in zip((1.2, 1.4, 1.7), RUNG_FIELDS, strict=True):
+        records[name][leaf] = times * records["error_m"][leaf]
+    forests = {**FORESTS, Lane.TERRAIN: build_forest(records)}
+    trees = trees_of(forests)
+    land, lens = trees[Lane.TERRAIN], lens_of(view_at(2e3))
+    scale = error_px_per_m_of(lens, land.centre, land.radius_m, land.half_m)
+    seen = set()
+    for px in np.geomspace(0.1, 400.0, 60).tolist():
+        chosen = select(trees, lens, everything(trees), Thresholds(px, px))
+        rows, every = chosen.terrain, np.column_stack((land.mesh_error_m, land.rung_m))
+        error_px = every[rows] * scale[rows, None]
+        expected = np.where(error_px[:, 1:] <= px, [1, 2, 3], 0).max(axis=1)
+        assert chosen.rung.tolist() == expected.tolist()
+        drawn_m = every[rows, chosen.rung]
+        assert (chosen.skirt_m >= drawn_m).all()
+        seen |= set(chosen.rung.tolist())
+        limits = Thresholds(0.9 * px, 0.9 * px)
+        again = select(trees, lens, everything(trees), limits, chosen.made)
+        back = select(trees, lens, everything(trees), Thresholds(px, px), again.made)
+        both = np.intersect1d(again.terrain, back.terrain)
+        changed = [c.rung[np.isin(c.terrain, both)].tolist() for c in (again, back)]
+        assert changed[0] == changed[1]
+    assert seen == {0, 1, 2, 3}

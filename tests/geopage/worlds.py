@@ -131,8 +131,8 @@ def deep_globe() -> NDArray[np.void]:
 def write_store(path: Path, land: NDArray[np.void], things: NDArray[np.void]) -> None:
     """Write a store of tiny tiles, filling in rows, sizes and checksums of the records."""
     with Writer(path) as writer, writer.transaction():
-        _write_lane(writer, Lane.TERRAIN, land, _terrain_body)
-        _write_lane(writer, Lane.OBJECTS, things, _object_body)
+        write_lane(writer, Lane.TERRAIN, land, terrain_body)
+        write_lane(writer, Lane.OBJECTS, things, _object_body)
 
 
 def write_index(path: Path, land: NDArray[np.void], things: NDArray[np.void]) -> None:
@@ -149,12 +149,13 @@ def wide_globe() -> NDArray[np.void]:
     return terrain_records(np.concatenate((globe_cells(4), *strip)))
 
 
-def _write_lane(
+def write_lane(
     writer: Writer,
     lane: Lane,
     records: NDArray[np.void],
     body_of: Callable[[np.void], bytes],
 ) -> None:
+    """Write tiles and index of a lane inside a transaction."""
     named = np.flatnonzero(records["row"] > 0)
     bodies = [body_of(records[i]) for i in named]
     ids = [int(cell) for cell in records["cell"][named]]
@@ -172,7 +173,8 @@ def _mesh(record: np.void) -> Mesh:
     return Mesh(record["centre"].copy(), 0.5, vertices, np.arange(3, dtype=np.uint16))
 
 
-def _terrain_body(record: np.void) -> bytes:
+def terrain_body(record: np.void) -> bytes:
+    """One triangle and a black texture."""
     texture = np.zeros(terrain_tiles.TEXTURE_BYTES, np.uint8)
     error_m = float(record["error_m"])
     tile = TerrainTile(int(record["cell"]), _mesh(record), 3, error_m, 0.0, texture)

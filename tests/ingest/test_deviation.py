@@ -104,7 +104,7 @@ def test_the_largest_distance_is_found_where_it_is_said_to_be(
 ) -> None:
     surface = build_surface(truth.cell, places_of(truth), bound_m)
     found = deviation_of(surface, WHOLE, truth)
-    worst = int(found.squared.argmax())
+    worst = int(found.far_m.argmax())
     gap = gaps_m(path, surface, truth.cell, found.uv[worst : worst + 1])[0]
     slack_m = truth.slack_m + close(path, truth)
     assert found.largest_m == pytest.approx(gap, abs=2 * slack_m, rel=0.05)
@@ -116,7 +116,7 @@ def test_every_triangles_own_distance_bounds_the_places_over_it(
     surface = build_surface(truth.cell, places_of(truth), 40.0)
     found = deviation_of(surface, WHOLE, truth)
     slack_m = truth.slack_m + close(path, truth)
-    over_m = np.sqrt(found.squared)
+    over_m = found.far_m
     for t in rng.choice(len(surface.triangles), 60):
         weights = rng.dirichlet(np.ones(3), 200)
         uv = weights @ surface.uv[surface.triangles[t]]
@@ -146,7 +146,7 @@ def test_a_leaf_in_a_larger_cell_is_measured_where_it_lies(
     slack_m = truth.slack_m + close(path, truth)
     assert gap.max() <= found.largest_m + slack_m
     assert found.largest_m <= 1.25 * gap.max() + slack_m
-    worst = int(found.squared.argmax())
+    worst = int(found.far_m.argmax())
     at = found.uv[worst : worst + 1]
     assert (at >= window[:2]).all()
     assert (at <= np.array(window[:2]) + size).all()
@@ -192,8 +192,8 @@ def test_triangles_outside_the_leaf_are_not_measured(
     apart = ((at.max(axis=1) < corner) | (at.min(axis=1) > corner + 0.5)).any(axis=1)
     inside = ((at > corner) & (at < corner + 0.5)).all(axis=(1, 2))
     assert apart.sum() > 100
-    assert (found.squared[apart] == 0).all()
-    assert (found.squared[inside] > 0).all()
+    assert (found.far_m[apart] == 0).all()
+    assert (found.far_m[inside] > 0).all()
 
 
 def test_a_mesh_of_all_posts_deviates_by_its_rounding_only(
@@ -208,7 +208,7 @@ def test_a_mesh_of_all_posts_deviates_by_its_rounding_only(
     rounding_m = np.sqrt(3) / 2 * surface.mesh.scale_m
     # Places are rounded to 1 / 32768 of the cell: to 1 m, on slopes of 1 / 2.
     most = truth.slack_m + rounding_m + close(path, truth) + 0.5
-    assert 0 < np.sqrt(found.squared[inside].max()) <= most
+    assert 0 < found.far_m[inside].max() <= most
 
 
 def test_a_spike_between_the_meshs_places_is_found(opened: Opener, tmp_path: Path) -> None:
@@ -221,7 +221,7 @@ def test_a_spike_between_the_meshs_places_is_found(opened: Opener, tmp_path: Pat
     surface = build_surface(cell, lattice_of(cell, np.full((9, 9), 100.0)), 0.0)
     found = deviation_of(surface, WHOLE, truth)
     assert found.largest_m == pytest.approx(800.0, abs=10.0)
-    lon, lat = places_deg(cell, found.uv[[found.squared.argmax()]])
+    lon, lat = places_deg(cell, found.uv[[found.far_m.argmax()]])
     np.testing.assert_allclose(lon, 11.0 + 120.5 * 0.005, atol=1e-9)
     np.testing.assert_allclose(lat, 46.5 - 80.5 * 0.005, atol=1e-9)
 

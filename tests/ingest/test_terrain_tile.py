@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ingest.boxes import window_in
 from ingest.fitting import fitted, on_rim
 from ingest.mosaic import Mosaic
+from ingest.rungs import Rung, joined_mesh, laddered
 from ingest.terrain_mesh import Surface
 from ingest.terrain_tile import (
     LARGEST_BOUND_M,
@@ -36,6 +37,7 @@ from tests.ingest.rasters import (
 )
 from tiles import cells, geodesy
 from tiles.mesh import UV_ONE
+from tiles.terrain import TerrainTile
 
 Opener = Callable[..., tuple[Mosaic, Path]]
 SHAPE = 200, 240
@@ -141,7 +143,7 @@ def test_the_surface_covers_its_cell_once(ground: str, opened: Opener) -> None:
 
 
 @pytest.mark.parametrize(
-    ("ground", "most"), [("rough", 1.15), ("hills", 2.2), ("smooth", 1.5), ("flat", 60)]
+    ("ground", "most"), [("rough", 1.15), ("hills", 2.25), ("smooth", 1.5), ("flat", 60)]
 )
 def test_the_bound_between_posts_costs_few_triangles(
     ground: str, most: float, opened: Opener
@@ -291,3 +293,59 @@ def test_the_vertices_of_four_children_become_places_of_the_cell(opened: Opener)
     assert gap.max() <= 2 * rounding_m + 2 * float(geodesy.cell_edge_m(cell)) / UV_ONE
     counts = [len(child.used) for _, child in children]
     assert 0.9 * sum(counts) < len(places.at) <= sum(counts)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", UTM])
+@pytest.mark.parametrize("ground", ["rough", "hills", "cliff"])
+def test_rungs_are_no_further_off_than_they_say_with_fewer_triangles(
+    ground: str, crs: str, opened: Opener, rng: np.random.Generator
+) -> None:
+    mosaic, path = opened(GROUNDS[ground], crs)
+    truth, bound_m = leaf_of(mosaic), mosaic.layers[0].spacing_m / 100
+    whole, error_m, rungs = laddered(truth.cell, places_of(truth), bound_m, [truth])
+    assert rungs
+    assert 0 < error_m <= bound_m
+    before = Rung(whole, error_m)
+    for rung in rungs:
+        assert rung.error_m > before.error_m
+        count = len(rung.surface.triangles)
+        assert 1 < count <= 0.7 * len(before.surface.triangles)
+        worst = worst_m(path, rung.surface, truth.cell, rng.uniform(size=(4000, 2)))
+        assert 0.3 * rung.error_m < worst <= rung.error_m + 0.5 * (crs == UTM)
+        before = rung
+
+
+def test_flat_ground_has_no_rungs(opened: Opener) -> None:
+    mosaic, _ = opened(GROUNDS["flat"])
+    truth = leaf_of(mosaic)
+    whole, _, rungs = laddered(truth.cell, places_of(truth), 5.0, [truth])
+    assert not rungs
+    mesh, table = joined_mesh(whole, rungs)
+    assert mesh.indices.tolist() == whole.mesh.indices.tolist()
+    assert not len(table)
+
+
+def test_every_part_of_a_leaf_covers_it_once_and_hangs_its_own_skirt(
+    opened: Opener,
+) -> None:
+    mosaic, _ = opened(GROUNDS["hills"])
+    truth = leaf_of(mosaic)
+    whole, error_m, rungs = laddered(truth.cell, places_of(truth), 5.0, [truth])
+    mesh, table = joined_mesh(whole, rungs)
+    count = 3 * len(whole.triangles)
+    tile = TerrainTile(truth.cell, mesh, count, error_m, 0.0, np.zeros(0, np.uint8), table)
+    at, flags = mesh.vertices["detail"].astype(np.int64), mesh.vertices["flags"]
+    surfaces = [whole, *(rung.surface for rung in rungs)]
+    for part, surface in zip(tile.parts(), surfaces, strict=True):
+        first, end = int(part["first_index"]), int(part["surface_index_count"])
+        triangles = mesh.indices[first : first + end].reshape(-1, 3)
+        walls = mesh.indices[first + end : first + int(part["index_count"])].reshape(-1, 3)
+        assert (at[triangles] == surface.at[surface.triangles]).all()
+        points = mesh.local[triangles] - surface.points[surface.triangles]
+        assert np.abs(points).max() <= 1.01 * (mesh.scale_m + surface.mesh.scale_m) / 2
+        assert not flags[triangles].any()
+        assert len(walls) == 2 * len(surface.border)
+        rim = np.unique(at[walls].reshape(-1, 2), axis=0)
+        assert (rim % UV_ONE == 0).any(axis=1).all()
+        own = np.unique(surface.at[surface.border].reshape(-1, 2), axis=0)
+        assert rim.tolist() == own.tolist()

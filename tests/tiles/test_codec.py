@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tile bodies come back as they were; anything else is a fault, never a traceback."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.mesh import VERTEX, Mesh, quantise
 from tiles.objects import OBJECT, PROXY, ObjectTile, prefix_end
-from tiles.terrain import MIP_BYTES, TEXTURE_BYTES, TerrainTile
+from tiles.terrain import MIP_BYTES, RUNG, TEXTURE_BYTES, TerrainTile
 
 
 @pytest.fixture
@@ -55,6 +56,20 @@ def test_a_terrain_tile_comes_back(ground: TerrainTile) -> None:
     found = terrain.decode(terrain.encode(ground))
     assert_same(found, ground)
     assert found.texture.tobytes() == ground.texture.tobytes()
+
+
+def test_rungs_come_back_and_none_reaches_beyond_the_indices(ground: TerrainTile) -> None:
+    rungs = np.array([(2.0, 48, 12, 24), (4.0, 72, 6, 18)], RUNG)
+    tile = replace(ground, surface_index_count=36, rungs=rungs)
+    found = terrain.decode(terrain.encode(tile))
+    assert found.rungs.tolist() == rungs.tolist()
+    assert found.parts().tolist() == [(1.25, 0, 36, 48), *rungs.tolist()]
+    for rung, ends in ((0, (0, 36)), (1, (48, 60)), (2, (72, 78)), (3, (72, 78))):
+        triangles = found.surface(rung)
+        assert triangles.ravel().tolist() == tile.mesh.indices[slice(*ends)].tolist()
+    rungs["index_count"][1] = 19
+    with pytest.raises(TileFault, match="a rung beyond"):
+        terrain.decode(terrain.encode(replace(tile, rungs=rungs)))
 
 
 def test_an_object_tile_comes_back(town: ObjectTile) -> None:

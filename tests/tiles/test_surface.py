@@ -19,6 +19,7 @@ from tests.ingest.rasters import (
 from tiles import cells, terrain
 from tiles.errors import TileFault
 from tiles.geodesy import to_geodetic
+from tiles.index_tree import rung_errors_m
 from tiles.lanes import Lane
 from tiles.mesh import UV_ONE
 from tiles.samples import SAMPLES
@@ -184,6 +185,12 @@ def test_the_lowest_coarser_terrain_is_that_of_the_tiles_within_the_error(
             above = surface.forest.row_of(cells.cell_at(lon, lat, np.minimum(level, leaf)))
             height = surface.heights_at_level(lon, lat, level)[0]
             counts = (level < leaf) & (surface.selected_m[above] <= within)
+            expected = np.where(counts, np.minimum(expected, height), expected)
+        rungs_m = rung_errors_m(surface.forest.records)
+        assert np.isfinite(rungs_m[rows]).any()
+        for rung in (1, 2, 3):
+            height = surface.heights_in(rows, lon, lat, rung)
+            counts = rungs_m[rows, rung - 1] <= within
             expected = np.where(counts, np.minimum(expected, height), expected)
         assert surface.lowest(lon, lat, within).tolist() == expected.tolist()
     assert 0.1 < np.isfinite(expected).mean() < 0.9

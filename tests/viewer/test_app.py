@@ -180,7 +180,7 @@ def test_a_window_of_any_size_is_drawn_and_comes_back(
     app: Flown, screen: Screen, size: tuple[int, int]
 ) -> None:
     before = app.session.renderer.read_rgb()
-    number = screen.do("search", "--name", "^app$")
+    number = screen.do("search", "--class", "^app$")
     end = time.monotonic() + 20
     for wanted in (size, SIZE):
         screen.do("windowsize", number, *map(str, wanted))
@@ -234,6 +234,17 @@ def test_a_picture_is_settled_and_larger_than_the_window(app: Flown) -> None:
     drawn = app.session.renderer.read_rgb()
     assert np.abs(small - drawn).mean() < 6
     assert str(file) in app.state.message
+
+
+def test_a_picture_of_a_frozen_selection_leaves_it_frozen(app: Flown) -> None:
+    drawn = app.session.pager.draw_list()
+    app.key("x")
+    app.put(over_city(500.0))
+    before = len(list(app.state.out.glob("hills-*.png")))
+    app.key("p")
+    app.go(0.2)
+    assert len(list(app.state.out.glob("hills-*.png"))) == before + 1
+    assert app.session.pager.draw_list() is drawn
 
 
 def test_a_recorded_tour_is_a_camera_path_that_flies_the_same_way(app: Flown) -> None:

@@ -11,8 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tiles.errors import InputError
-from viewer.camera_path import CameraPath, monotone_slopes, read_path
+from viewer.camera_path import (
+    CameraPath,
+    Keyframe,
+    PathFile,
+    monotone_slopes,
+    read_path,
+    write_path,
+)
 
+KEY, END = (0.0, 47.0, 8.0, 1000.0, 10.0, -60.0), (5.0, 47.1, 8.1, 20.0, 40.0, -5.0)
 GEOD = pyproj.Geod(a=1.0, f=0.0)
 
 
@@ -171,3 +179,24 @@ def test_a_bad_path_is_one_line_that_names_the_file(name: str, tmp_path: Path) -
 def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         read_path(tmp_path / "nothing.json")
+
+
+def test_a_written_path_is_read_again(tmp_path: Path) -> None:
+    file = PathFile(
+        "tour", 5.0, "ellipsoid", "log_height", [Keyframe(*KEY), Keyframe(*END)]
+    )
+    write_path(tmp_path / "tour.json", file)
+    read = read_path(tmp_path / "tour.json")
+    assert (read.name, read.duration_s) == ("tour", 5.0)
+    pose = read.pose_at(5.0)
+    assert (pose.height_m, pose.pitch_rad) == pytest.approx((20.0, math.radians(-5.0)))
+
+
+def test_no_path_is_written_that_could_not_be_read(tmp_path: Path) -> None:
+    keys = [Keyframe(*END), Keyframe(*KEY)]
+    with pytest.raises(InputError, match="keyframe 1"):
+        write_path(tmp_path / "x.json", PathFile("x", 5.0, "ellipsoid", "linear", keys))
+    assert not (tmp_path / "x.json").exists()
+    good = PathFile("x", 5.0, "ellipsoid", "linear", keys[::-1])
+    with pytest.raises(InputError, match="can be written"):
+        write_path(tmp_path / "nowhere" / "x.json", good)

@@ -86,11 +86,18 @@ def terrain_lists(rng: np.random.Generator, n: int) -> cull.Lists:
     slots["uploaded"] = rng.random(n) < 0.8
     for field in ("base_vertex", "first_index", "layer"):
         slots[field] = rng.integers(0, 1000, n)
-    slots["index_count"] = 3 * rng.integers(1, 1000, n)
+    slots["part_count"] = 3 * rng.integers(1, 1000, (n, 4))
+    slots["part_first"] = 3 * rng.integers(0, 1000, (n, 4))
+    slots["part_error_m"] = rng.uniform(0, 5, (n, 4))
     slots["scale_m"] = rng.random(n)
     slots["noise"] = rng.random((n, 3))
     rows = rng.permutation(n).astype(np.int32)
     return cull.Lists(rows, slots, centre, radius, cubes(radius), records)
+
+
+def whole(lists: cull.Lists) -> np.ndarray:
+    """Draw every tile's whole mesh."""
+    return np.zeros(len(lists.rows), np.uint8)
 
 
 def fine(n: int) -> np.ndarray:
@@ -101,9 +108,10 @@ def fine(n: int) -> np.ndarray:
 def test_commands_and_records_are_those_of_a_plain_loop(rng: np.random.Generator) -> None:
     lists, view = terrain_lists(rng, 400), random_view(rng)
     skirt = rng.uniform(0, 100, 400).astype(np.float32)
+    rung = rng.integers(0, 4, 400).astype(np.uint8)
     room, eye = cull.make_room(400), cull.eye_of(view)
     n, triangles, error_px, _ = cull.cull_terrain(
-        lists, skirt, fine(400), eye, 640 * 360.0, room
+        lists, rung, skirt, fine(400), eye, 640 * 360.0, room
     )
     expected = [
         entry
@@ -122,10 +130,13 @@ def test_commands_and_records_are_those_of_a_plain_loop(rng: np.random.Generator
     assert np.array_equal(room.instances[:n, 11], slots["layer"])
     order = room.commands[:n, 4]
     assert sorted(order) == list(range(n))
-    for field, column in (("index_count", 0), ("first_index", 2), ("base_vertex", 3)):
-        assert np.array_equal(room.commands[:n, column], slots[order][field])
+    part = np.arange(n), rung[entries][order]
+    first = slots[order]["first_index"] + slots[order]["part_first"][part]
+    assert np.array_equal(room.commands[:n, 0], slots[order]["part_count"][part])
+    assert np.array_equal(room.commands[:n, 2], first)
+    assert np.array_equal(room.commands[:n, 3], slots[order]["base_vertex"])
     assert (room.commands[:n, 1] == 1).all()
-    assert triangles == slots["index_count"].sum() // 3
+    assert triangles == room.commands[:n, 0].sum() // 3
     assert error_px > 0
 
 
@@ -135,7 +146,13 @@ def test_commands_run_from_near_to_far(rng: np.random.Generator) -> None:
     view = view_state(Pose(0.2, 0.3, 2e7, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(300)
     n, _, _, _ = cull.cull_terrain(
-        lists, np.zeros(300, np.float32), fine(300), cull.eye_of(view), 1.0, room
+        lists,
+        whole(lists),
+        np.zeros(300, np.float32),
+        fine(300),
+        cull.eye_of(view),
+        1.0,
+        room,
     )
     assert n > 30
     rows = lists.rows[room.instances[room.commands[:n, 4], 12].astype(int)]
@@ -158,7 +175,9 @@ def test_tiles_of_a_kind_lie_together_and_are_counted(rng: np.random.Generator) 
     skirt, detail_m = np.zeros(300, np.float32), fine(300)
     detail_m[::5] = 1e9
     sizes = skirt, detail_m
-    n, _, _, kinds = cull.cull_terrain(lists, *sizes, cull.eye_of(view), 1.0, room)
+    n, _, _, kinds = cull.cull_terrain(
+        lists, whole(lists), *sizes, cull.eye_of(view), 1.0, room
+    )
     instances = room.commands[:n, 4]
     rows = lists.rows[room.instances[instances, 12].astype(int)]
     large, wet = (rows % 3 == 0) | (rows % 5 == 0), rows % 2 == 0
@@ -177,13 +196,16 @@ def test_the_screen_error_is_the_area_weighted_mean() -> None:
     records, slots = np.zeros(2, INDEX), make_slots(2)
     records["error_m"], records["texel_m"] = (1.0, 4.0), (2.0, 0.0)
     slots["uploaded"], slots["centre"] = 1, centre
+    slots["part_error_m"] = records["error_m"][:, None]
     radius = np.array([1000.0, 500.0])
     boxes = centre, radius, cubes(radius)
     lists = cull.Lists(np.arange(2, dtype=np.int32), slots, *boxes, records)
     view = view_state(Pose(0.0, 0.0, 1e6, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(2)
     skirt = np.zeros(2, np.float32)
-    _, _, error, _ = cull.cull_terrain(lists, skirt, fine(2), cull.eye_of(view), 1e9, room)
+    _, _, error, _ = cull.cull_terrain(
+        lists, whole(lists), skirt, fine(2), cull.eye_of(view), 1e9, room
+    )
     scale = view.focal_px / 1e6
     assert error == pytest.approx(scale * (2.0 * 4 + 4.0) / 5, rel=0.01)
 
@@ -259,7 +281,9 @@ def test_what_the_gpu_gets_is_exact_to_a_hundredth_of_a_pixel(
         )
         room = cull.make_room(1)
         skirt = np.zeros(1, np.float32)
-        seen = cull.cull_terrain(lists, skirt, fine(1), cull.eye_of(view), 1.0, room)
+        seen = cull.cull_terrain(
+            lists, whole(lists), skirt, fine(1), cull.eye_of(view), 1.0, room
+        )
         assert seen[0] == 1
         steps = rng.integers(-32767, 32767, (2000, 3)).astype(np.float32)
         instance, block = room.instances[0], frame_block(view, PLAIN).reshape(-1, 4)

@@ -114,3 +114,29 @@ def test_a_blit_copies_the_picture_and_scales_it(make_renderer: Make) -> None:
         assert (np.abs(seen - wide).max(-1) <= limit).mean() > 0.97
         window.release()
     assert math.isclose(picture[SIZE[1] // 2, SIZE[0] // 2].mean(), 121, abs_tol=6)
+
+
+def test_edges_are_softened_in_the_window_once_the_view_rests(make_renderer: Make) -> None:
+    world, _, _ = box_world()
+    renderer = make_renderer(world)
+    drawn = whole_list(world, view_state(OVER_BOXES, SIZE))
+    window = Target(renderer.gl, SIZE, (gl.RGBA8,))
+    into = np.empty((SIZE[1], SIZE[0], 4), np.uint8)
+    shown_ = []
+    for _ in range(2):
+        renderer.draw(drawn, drawn.view)
+        renderer.blit(window.name)
+        seen = window.read(0, (gl.RGBA, gl.UNSIGNED_BYTE), into)[..., :3]
+        shown_.append(seen.astype(int).copy())
+    window.release()
+    picture = renderer.read_rgb().astype(int)
+    assert (shown_[0] == picture).all() == renderer.gl.is_software
+    changed = (shown_[1] != picture).any(-1)[2:-2, 2:-2]
+    green = picture[..., 1]
+    steps = [
+        np.abs(green[2:-2, 2:-2] - np.roll(green, (dy, dx), (0, 1))[2:-2, 2:-2])
+        for dy in (-1, 1)
+        for dx in (-1, 1)
+    ]
+    assert changed[np.max(steps, axis=0) > 60].mean() > 0.5
+    assert not changed[np.max(steps, axis=0) < 5].any()

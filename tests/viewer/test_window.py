@@ -6,9 +6,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
+from geopage.cli import main
 from tests.viewer.screen import Screen
 from tiles.errors import InputError
 from viewer.events import (
@@ -22,7 +24,8 @@ from viewer.events import (
     Wheel,
 )
 from viewer.gl import CallTable, Gl
-from viewer.window import Window, address_of, open_hidden
+from viewer.window import Window
+from viewer.window_context import address_of
 
 SIZE = 400, 300
 
@@ -118,13 +121,13 @@ def test_a_wait_ends_when_it_is_told_to(window: Window) -> None:
 
 def test_a_hidden_window_gives_a_context_where_there_is_no_egl(screen: Screen) -> None:
     assert screen.display
-    calls = Gl(open_hidden(), address_of)
-    table = CallTable(calls)
-    table.stamp()
-    table.add("glFinish")
-    table.stamp()
-    assert table.run() >= 0
-    first, last = table.stamps_ns.tolist()
+    with Window("hidden", (64, 64), visible=False) as window:
+        table = CallTable(Gl(window.gl.context, address_of))
+        table.stamp()
+        table.add("glFinish")
+        table.stamp()
+        assert table.run() >= 0
+        first, last = table.stamps_ns.tolist()
     assert first <= last <= time.perf_counter_ns()
 
 
@@ -136,6 +139,23 @@ def test_without_a_display_one_line_says_what_to_do(
     with pytest.raises(InputError, match=r"no display.*geopage render") as found:
         Window("test", SIZE)
     assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no store at all, but some text" * 99])
+def test_what_is_no_store_is_refused_in_one_line(
+    screen: Screen,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    content: bytes | None,
+) -> None:
+    assert screen.display
+    store = tmp_path / "w.geopage"
+    if content is not None:
+        store.write_bytes(content)
+    assert main(["view", str(store)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "w.geopage" in said
 
 
 def test_an_old_driver_is_refused_in_one_line(screen: Screen) -> None:

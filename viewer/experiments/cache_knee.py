@@ -13,7 +13,7 @@ from tiles.lanes import Lane
 from viewer.experiments.city import COUNT, make_city, write_city
 from viewer.experiments.city_pages import depth_px
 from viewer.experiments.pages import Flown, Flyer
-from viewer.experiments.rows import LESS, Chart, Found, Progress, Row, Series
+from viewer.experiments.rows import Chart, Found, Progress, Row, Series
 from viewer.experiments.setting import Setting, sample_flight
 from viewer.experiments.walks import STEP_S, make_walk
 
@@ -26,7 +26,7 @@ WORLD_MB = (14, 16, 18, 20, 24, 30, 48)
 WORLD_PX = 1.0
 SIZE_PX = (1280, 720)
 FLAT = 1.05
-"""The knee: within so many times of what the largest cache reads, at full detail"""
+"""The knee: within so many times of what any larger cache reads, at full detail"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,19 +115,24 @@ def fly(case: Case, policy: str, size_mb: float) -> Flown:
     return Flyer(case.store, settings).fly(case.views, case.step_s)
 
 
-def knee_of(case: Case, flown: Sequence[Flown]) -> int | None:
-    """Return the place of the smallest cache from which on nothing is lost."""
-    least = flown[-1].whole_bytes
-    good = [one.whole_bytes <= FLAT * least and max(one.raised) == 1.0 for one in flown]
-    bad = [i for i, fine in enumerate(good) if not fine]
-    knee = bad[-1] + 1 if bad else 0
-    return knee if knee < len(case.sizes_mb) else None
+def knee_of(flown: Sequence[Flown]) -> int | None:
+    """Return the place of the smallest cache that keeps all detail and reads no more.
+
+    More than any larger one, that is: a policy that fills free memory ahead reads more
+    the more there is.
+    """
+    read = [one.whole_bytes for one in flown]
+    for i in range(len(flown)):
+        whole = all(max(one.raised) == 1.0 for one in flown[i:])
+        if whole and read[i] <= FLAT * min(read[i:]):
+            return i
+    return None
 
 
 def _rows(found: Found, case: Case, policy: str, flown: Sequence[Flown]) -> None:
     where = f"{case.name}, policy {policy}"
     data_mb = _data_mb(case)
-    knee = knee_of(case, flown)
+    knee = knee_of(flown)
     size_mb = case.sizes_mb[knee] if knee is not None else None
     share = 100 * size_mb / data_mb if size_mb else None
     peak = (
@@ -139,7 +144,7 @@ def _rows(found: Found, case: Case, policy: str, flown: Sequence[Flown]) -> None
     found.rows.append(row)
     note += ". A share of a data set of which the flight sees a part: theirs and ours alike"
     quantity = "smallest cache / data set"
-    found.rows.append(Row(KEY, where, quantity, "%", paper[1], SOURCE, share, note, LESS))
+    found.rows.append(Row(KEY, where, quantity, "%", paper[1], SOURCE, share, note))
     floor = flown[-1].whole_bytes / 1e6
     found.rows.append(Row(KEY, where, "read with the largest cache", "MB", None, "", floor))
     for i in sorted({0, (knee or 2) // 2}):

@@ -59,7 +59,8 @@ def _curves(axes: Any, chart: Chart) -> None:
         dots = {"marker": "o", "ms": 4} if len(x) < 40 else {}
         style = "--" if one.paper else "-"
         axes.plot(x, y, style, color=colour, lw=1.6 if dots else 0.9, **dots)
-        ends.append((one.label, colour, (float(x[-1]), float(y[-1]))))
+        last = int(np.argmax(x))
+        ends.append((one.label, colour, (float(x[last]), float(y[last]))))
     if chart.log_x or chart.log_y:
         _plain(axes, chart)
     if not chart.log_y:
@@ -94,8 +95,13 @@ def _plain(axes: Any, chart: Chart) -> None:
     low, high = axis.get_view_interval()
     subs = (1.0,) if high / low > 1e3 else (1.0, 2.0, 5.0)
     axis.set_major_locator(LogLocator(subs=subs, numticks=12))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,g}"))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _plainly(value)))
     axis.set_minor_formatter(NullFormatter())
+
+
+def _plainly(value: float) -> str:
+    """Return two digits, and no powers of ten."""
+    return f"{value:,.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def _labels(axes: Any, ends: list[tuple[str, str, tuple[float, float]]]) -> None:
@@ -129,7 +135,7 @@ def _bars(axes: Any, chart: Chart) -> None:
         x = place + (i - (count - 1) / 2) * width
         y = _values(one, is_log=chart.log_y)
         bars = axes.bar(x, y, width, color=colour, edgecolor="white", lw=0.5)
-        axes.bar_label(bars, [f"{v:.2g}" for v in y], fontsize=6.5, color=colour)
+        axes.bar_label(bars, [_plainly(v) for v in y], fontsize=6.5, color=colour)
         ends.append((one.label, colour, (float(x[-1] + width / 2), float(y[-1]))))
     if chart.log_y:
         axes.set_yscale("log")

@@ -9,7 +9,7 @@ import numpy as np
 from viewer.experiments.city_pages import Culled
 from viewer.experiments.packed_tree import PackedTree
 from viewer.experiments.review_walk import Retrieval, Tally, walk_through
-from viewer.experiments.rows import MORE, Chart, Found, Row, Series
+from viewer.experiments.rows import SAME, Chart, Found, Row, Series
 from viewer.experiments.walks import Walk
 
 KEY = "E3"
@@ -32,8 +32,12 @@ def culling(
         ours.append(100 * _share_culled(tallies))
         where = f"SF {scale:g}"
         row = Row(KEY, where, "objects culled", "%", paper, TABLE_2, ours[-1])
-        found.rows.append(replace(row, good=MORE))
-        note = "not reproduced: our renderer always culls" if scale == 1.0 else ""
+        found.rows.append(replace(row, good=SAME))
+        note = (
+            "not reproduced: this city has an index and no meshes to draw"
+            if scale == 1.0
+            else ""
+        )
         quantity = "frame time saved by culling"
         found.rows.append(Row(KEY, where, quantity, "%", saved, TABLE_2, None, note))
     for name, counts in (
@@ -74,7 +78,7 @@ def inertia(found: Found, tree: PackedTree, walks: Sequence[Walk]) -> None:
         if walk is walks[0]:
             note += "; theirs by frame time, ours by reads, k in seconds"
         where, source = walk.name, "REVIEW 2001, section 5.1"
-        found.rows.append(Row(KEY, where, "best k", "s", 0.8, source, best, note))
+        found.rows.append(Row(KEY, where, "best k", "s", 0.8, source, best, note, SAME))
         series.append(Series(walk.name, K_S, [one / max(reads[0], 1) for one in reads]))
     title = "Inertia of the prefetched cell"
     y = "reads in the session / reads at k = 0"

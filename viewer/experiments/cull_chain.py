@@ -74,7 +74,7 @@ def run(setting: Setting, show: Progress) -> Found:
     store = setting.world()
     settings = PagerSettings(2.0, budget_bytes=512 * MIB, fade_s=0.0)
     chains = {}
-    count = int(setting.pick(20, 6))
+    count = int(setting.pick(12, 6))
     with Session(store, settings, Picture(SIZE_PX)) as session:
         for i, name in enumerate((WALK, AROUND)):
             flight = sample_flight(store, name, SIZE_PX)

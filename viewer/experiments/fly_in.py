@@ -44,7 +44,7 @@ Forests = dict[Lane, Forest]
 def run(setting: Setting, show: Progress) -> Found:
     """Run the experiment."""
     copies = (1, 4, 16) if setting.quick else (1, 4, 16, 64)
-    count = int(setting.pick(16, 8))
+    count = int(setting.pick(12, 8))
     store = setting.data / "town.geopage"
     bare_copy(setting.world(), store)
     towns = []

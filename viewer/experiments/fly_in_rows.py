@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from viewer.experiments.rows import MORE, Chart, Found, Row, Series
+from viewer.experiments.rows import SAME, Chart, Found, Row, Series
 
 KEY = "E5"
 SOURCE = "VGIS 1999, section 5"
@@ -77,7 +77,15 @@ def figures(towns: Sequence[Town]) -> Found:
     )
     quantity = "first building drawn at 1 px, from a height of"
     row = Row(
-        KEY, "tower of 312 m", quantity, "km", 160.0, SOURCE, first.first_m / 1e3, note
+        KEY,
+        "tower of 312 m",
+        quantity,
+        "km",
+        160.0,
+        SOURCE,
+        first.first_m / 1e3,
+        note,
+        SAME,
     )
     found.rows.append(row)
     for town in towns:
@@ -97,6 +105,21 @@ def figures(towns: Sequence[Town]) -> Found:
                 log_x=True,
             )
         )
+    many = towns[-1]
+    found.charts.append(
+        Chart(
+            "e5_triangles",
+            f"Triangles of the fly-in over {many.buildings:,} buildings",
+            "height above the ground, m",
+            "triangles a frame",
+            [
+                Series(m, many.heights_m, [d.triangles for d in many.by_height[m]])
+                for m in METHODS
+            ],
+            log_x=True,
+            log_y=True,
+        )
+    )
     _say(found, towns)
     return found
 
@@ -115,7 +138,7 @@ def _fps(found: Found, town: Town, is_first: bool) -> None:  # noqa: FBT001
     paper = 100 * PAPER_FPS[ALL] / PAPER_FPS[ALONE] if is_first else None
     quantity = "speed without the hierarchy / terrain only"
     source = SOURCE if paper else ""
-    row = Row(KEY, where, quantity, "%", paper, source, share, good=MORE, timed=True)
+    row = Row(KEY, where, quantity, "%", paper, source, share, timed=True)
     found.rows.append(row)
     share = 100 * mean_fps(town.near(ONE)) / mean_fps(town.near(ALL))
     quantity = "speed with the hierarchy, 1 px / without"
@@ -132,7 +155,8 @@ def _fps(found: Found, town: Town, is_first: bool) -> None:  # noqa: FBT001
     )
     quantity = "triangles with the hierarchy, 1 px / terrain only"
     paper, source = (100.0, SOURCE) if is_first else (None, "")
-    found.rows.append(Row(KEY, above, quantity, "%", paper, source, share, note))
+    row = Row(KEY, above, quantity, "%", paper, source, share, note, SAME)
+    found.rows.append(row)
     share = 100 * mean_triangles(town.far(ALL)) / mean_triangles(town.far(ALONE))
     quantity = "triangles without the hierarchy / terrain only"
     found.rows.append(Row(KEY, above, quantity, "%", None, "", share))

@@ -26,7 +26,7 @@ from geopage.settings import MIB, PagerSettings, Throttle
 from tiles.frames import Floats, Ints
 from viewer.experiments.city import MEMORY_BYTES, City, make_city, tile_of, write_city
 from viewer.experiments.pages import Flown, Flyer
-from viewer.experiments.rows import Chart, Found, Progress, Row, Series
+from viewer.experiments.rows import SAME, Chart, Found, Progress, Row, Series
 from viewer.experiments.setting import Setting
 from viewer.experiments.walks import SPEED_M_S, STEP_S, Walk, in_frustum, make_walk
 
@@ -146,7 +146,7 @@ def paged(store: Path, trip: Trip, policy: str, memory_bytes: int) -> Flown:
 
 def run(setting: Setting, show: Progress) -> Found:
     """Run the experiment."""
-    return measure(setting, MEMORY, setting.pick(240.0, 90.0), show)
+    return measure(setting, MEMORY, setting.pick(150.0, 60.0), show)
 
 
 def measure(setting: Setting, memory_bytes: int, seconds: float, show: Progress) -> Found:
@@ -212,7 +212,7 @@ def _stalled(
         note = "B reads and manages beside the drawing; ours here does not"
         note = note if share == SHARES[0] and name != "mean" else ""
         quantity = f"frame time, {name}, A / B"
-        found.rows.append(Row(KEY, where, quantity, "", a / b, SOURCE, x / y, note))
+        found.rows.append(Row(KEY, where, quantity, "", a / b, SOURCE, x / y, note, SAME))
     frames = 100 * float((stall_s > 0).mean())
     found.rows.append(Row(KEY, where, "frames that stall", "%", None, "", frames))
     return tuple(x / y for x, y in zip(ours, base, strict=True))

@@ -12,8 +12,8 @@ from tiles.frames import Ints
 from tiles.lanes import Lane
 from viewer.paging import Paging
 
-MOST_STEPS, FIRST_STEP_S = 600, 0.1
-"""A first view that is not there after a minute is not waited for"""
+MOST_STEPS, FIRST_STEP_S = 300, 0.1
+"""A first view that is not there after half a minute is not waited for"""
 Look = Callable[[int, DrawList, ViewState], None]
 
 

@@ -3,6 +3,7 @@
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -28,11 +29,17 @@ HEAD = (
 )
 LEAD = (
     "Paper and ours side by side. Times of 1990s machines do not compare with ours: their"
-    " ratios do. *Better* and *worse* say how ours stands against the paper, within a tenth"
-    " is *alike*; an empty place was not given by the paper, a dash could not be had here."
+    " ratios do. *Better* and *worse* say how geopage stands against the paper; *differs*"
+    " stands where the paper's own method, run again, comes to something else; within a"
+    " tenth is *alike*. An empty place was not given by the paper or does not compare; a"
+    " dash could not be had here."
     " Rows marked † depend on this machine's speed; all others are the same in every run."
 )
-WIDE = "<style>body{max-width:1300px}.worse{color:#a33e00}.note{max-width:26rem}</style>"
+WIDE = (
+    "<style>body{max-width:1300px}.worse,.differs{color:#a33e00}.note{max-width:26rem}"
+    "</style>"
+)
+VERDICTS = ("better", "alike", "worse", "differs")
 MARK, DASH = "†", "-"
 
 
@@ -73,13 +80,12 @@ def as_csv(parts: Sequence[Part], about: Json) -> str:
 
 
 def counted(rows: Sequence[Row]) -> str:
-    """Say in how many rows ours is better, alike and worse, and what could not be had."""
-    words = [
-        f"{sum(row.against == word for row in rows)} {word}"
-        for word in ("better", "alike", "worse")
-    ]
+    """Say how often ours stands how against the paper, and what could not be had."""
+    count = Counter(row.against for row in rows if row.against)
+    words = [f"{count[word]} {word}" for word in VERDICTS if count[word]]
     none = sum(row.ours is None for row in rows)
-    return f"Where the two compare: {', '.join(words)}; {none} could not be had here."
+    told = f"Rows that compare: {', '.join(words)}. " if words else "No row compares. "
+    return told + (f"{none} could not be had here." if none else "")
 
 
 def as_markdown(parts: Sequence[Part], about: Json) -> str:

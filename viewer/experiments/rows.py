@@ -4,7 +4,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-LESS, MORE = "less", "more"
+LESS, MORE, SAME = "less", "more", "same"
 ALIKE = 0.1
 """Within this share of the paper's value, ours is called alike."""
 
@@ -25,17 +25,19 @@ class Row:
     """None: it can't be had here; the note says why"""
     note: str = ""
     good: str = ""
-    """LESS or MORE is better, where the two may be compared; else empty"""
+    """LESS or MORE is better, or SAME is aimed at; empty where the two don't compare"""
     timed: bool = False
     """It depends on this machine's speed, so it differs from run to run"""
 
     @property
     def against(self) -> str:
-        """Say how ours stands against the paper: better, alike, worse, or nothing."""
+        """Say how ours stands against the paper, where the two compare."""
         if self.paper is None or self.ours is None or not self.good:
             return ""
         if abs(self.ours - self.paper) <= ALIKE * abs(self.paper):
             return "alike"
+        if self.good == SAME:
+            return "differs"
         return "better" if (self.ours < self.paper) == (self.good == LESS) else "worse"
 
 

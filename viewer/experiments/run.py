@@ -13,7 +13,7 @@ from viewer.experiments.report import Json, Part, write
 from viewer.experiments.rows import Chart, Found, Progress
 from viewer.experiments.setting import Setting
 from viewer.gl import Gl, open_headless
-from viewer.machine import machine
+from viewer.machine import commit, host
 from viewer.progress import bar
 
 if TYPE_CHECKING:
@@ -95,6 +95,8 @@ EXPERIMENTS = {
         "stall",
     ),
 }
+
+
 DRAWING = ("E2", "E5")
 """They use the GPU"""
 
@@ -111,7 +113,9 @@ def run_all(setting: Setting, keys: Sequence[str]) -> list[Part]:
     except OSError as error:
         advice = "name a folder that can be made"
         raise InputError(setting.out, str(error.strerror or error), advice) from error
-    pyplot(setting.out)  # whether there is one is said before anything is measured
+    if setting.store:
+        setting.world()  # whether it can be used is said before anything is measured
+    pyplot(setting.out)  # whether there is one, likewise
     about = about_of(setting, keys)
     note = f"{about['machine']}; {about['gl_renderer']}; commit {about['commit']}"
     parts: list[Part] = []
@@ -128,15 +132,22 @@ def run_all(setting: Setting, keys: Sequence[str]) -> list[Part]:
 
 def about_of(setting: Setting, keys: Sequence[str]) -> Json:
     """Return what the header says."""
-    gl = Gl(open_headless())
-    where = machine(gl)
-    gl.context.release()
+    where = host()
     only = "" if len(keys) == len(EXPERIMENTS) else f" --only {','.join(keys)}"
     quick = " --quick" if setting.quick else ""
     return {
         "command": f"geopage experiments --out DIR{only}{quick}",
         "machine": f"{where['cpu']}, {where['cores']} cores",
-        "gl_renderer": where["gl_renderer"],
+        "gl_renderer": renderer() if {*keys} & {*DRAWING} else "none used",
         "python": where["python"],
-        "commit": where["commit"] or "unknown",
+        "commit": commit() or "unknown",
     }
+
+
+def renderer() -> str:
+    """Return what draws here."""
+    gl = Gl(open_headless())
+    try:
+        return str(gl.context.info["GL_RENDERER"])
+    finally:
+        gl.context.release()

@@ -40,6 +40,12 @@ vec3 skylight(float near, float rise, float thick) {
         + 0.05 * moonlight() * HORIZON;
 }
 
+float rise_at(vec3 up) {
+    // Sine of the sun's height: the eye's at 30 km, where it serves for all that is seen,
+    // and from 120 km on that of each place.
+    return mix(ground_light.w, dot(up, sun.xyz), clamp(eye.w / 9e4 - 1.0 / 3.0, 0.0, 1.0));
+}
+
 float near_sun(vec3 way) {
     return 0.5 + 0.5 * dot(way, sun.xyz);
 }

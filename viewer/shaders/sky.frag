@@ -28,7 +28,7 @@ void main() {
     float radius = length(eye.xyz), rise = dot(eye.xyz, q) / radius;
     float air = air_along(rise, radius, dense(max(radius - 1.0, 0.0)).x, density);
     vec3 up = normalize(eye.xyz - q * min(rise, 0.0) * radius);
-    float near = near_sun(way), height = dot(up, sun.xyz);
+    float near = near_sun(way), height = rise_at(up);
     vec3 thick = skylight(near, height, 1.0), thin = skylight(near, height, 0.0);
 #else
     float shorter = inversesqrt(1.0 + dot(slope, slope));

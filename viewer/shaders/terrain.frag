@@ -56,7 +56,7 @@ void main() {
     vec3 way = normalize(seen), q = eye.xyz + seen * TO_UNIT;
     float radius = length(q), height = max(radius - 1.0, 0.0);
     vec3 up = q / radius;
-    float mu = max(-dot(up, way), 0.0), rise = dot(up, sun.xyz), near = near_sun(way);
+    float mu = max(-dot(up, way), 0.0), rise = rise_at(up), near = near_sun(way);
     vec3 light = sunlight(rise), haze = skylight(near, rise, 1.0);
     vec2 before = vec2(air_to(length(seen), height, mu), dense(height).y / (mu + 0.02));
 #else

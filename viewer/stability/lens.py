@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 
-from geopage.screen_error import lens_of, px_per_m
+from geopage.screen_error import NEAR_M, error_px_per_m, is_hidden, lens_of, px_per_m
 from geopage.view import ViewState
-from tiles import geodesy
+from tiles import cells, geodesy
 from tiles.frames import Ecef, Floats
+from tiles.lanes import Lane
 from viewer.camera import FOV_RAD, Pose, project, rotation, view_state
 from viewer.stability.place import SCREEN_PX, Place
 from viewer.stability.row import Finding, Row, first_bad
@@ -18,6 +19,7 @@ STEP = 1e-4
 WIDE_DEG, WIDEST_DEG = 60.0, 175.0
 SLIM, SLIMMEST = 16 / 9, 1000.0
 TURN_RAD = 1e-9
+ROUNDED = 1.0 + 1e-6
 Random = np.random.Generator
 
 
@@ -51,6 +53,47 @@ def underrated(size_px: Size, fov_rad: float, spheres: int) -> tuple[float, floa
     return ours, others
 
 
+def underrated_ground(place: Place, fov_rad: float, views: int) -> tuple[float, float]:
+    """Do the same for a metre of error (focal length / depth) in cells of the ground.
+
+    The others' bound is focal length / distance to the cell's sphere.
+    """
+    rng, ours, others = np.random.default_rng(5), 0.0, 0.0
+    tree, records = place.trees[Lane.TERRAIN], place.ground.records
+    for _ in range(views):
+        row = int(rng.integers(len(records)))
+        lon, lat, height_m = in_cell(records[row], rng)
+        points = geodesy.to_ecef(lon, lat, height_m)
+        above_m = height_m[0] + tree.radius_m[row] * 10.0 ** rng.uniform(-3, 1)
+        heading, pitch = rng.uniform(0, 2 * math.pi), rng.uniform(-math.pi / 2, 0)
+        pose = Pose(lon[0], lat[0], above_m, heading, pitch)
+        view = view_state(pose, SCREEN_PX, fov_rad)
+        seen = project(view, points)
+        inside = (seen[:, 2] > 0) & (seen[:, :2] >= 0).all(1)
+        inside &= (seen[:, :2] <= SCREEN_PX).all(1)
+        lens, centre = lens_of(view), tree.centre[row]
+        x, y, z = (centre - view.eye).tolist()
+        if not inside.any() or is_hidden(lens, x, y, z, tree.radius_m[row]):
+            continue
+        most = view.focal_px / float(seen[inside, 2].min())
+        bound = error_px_per_m(lens, centre, tree.radius_m[row], tree.half_m[row])
+        away_m = max(math.hypot(x, y, z) - float(tree.radius_m[row]), NEAR_M)
+        ours, others = (
+            max(ours, most / bound),
+            max(others, most * away_m / view.focal_px),
+        )
+    return ours, others
+
+
+def in_cell(record: np.void, rng: Random) -> tuple[Floats, Floats, Floats]:
+    """Return random places in a cell, (24,) each: longitude, latitude, height."""
+    west, south, east, north = cells.bounds_rad(record["cell"])
+    low, high = float(record["min_height_m"]), float(record["max_height_m"])
+    sides = np.array(((west, east), (south, north), (low, high)))
+    lon, lat, height_m = rng.uniform(sides[:, :1], sides[:, 1:], (3, 24))
+    return lon, lat, height_m
+
+
 def way_into(view: ViewState, rng: Random) -> Floats:
     """Return a unit vector through a random pixel."""
     half = np.array((view.width_px, view.height_px)) / 2
@@ -79,8 +122,20 @@ def scales(view: ViewState, points: Ecef, rng: Random) -> Floats:
     return found / (1.0 + 4 * STEP)
 
 
+def field_of_ground(place: Place) -> Finding:
+    """Widen the field of view until the selection underrates an error of the ground."""
+    count = place.count(1500, 400)
+
+    def worst(deg: float) -> tuple[float, float]:
+        return underrated_ground(place, math.radians(deg), count)
+
+    breaks_deg = first_bad(lambda deg: worst(deg)[0] <= ROUNDED, WIDE_DEG, WIDEST_DEG, 6)
+    ours, others = worst(WIDE_DEG)
+    return Finding(WIDE_DEG, ours, breaks_deg, WIDEST_DEG, others)
+
+
 def field(place: Place) -> Finding:
-    """Widen the field of view until the selection underrates something."""
+    """Widen the field of view until the selection underrates a building."""
     count = place.count(1500, 300)
 
     def worst(deg: float) -> tuple[float, float]:
@@ -136,7 +191,15 @@ def angle(a: Floats, b: Floats) -> float:
 METRE = "pixels that a metre takes / pixels that the selection reckons with"
 ROWS = (
     Row(
-        "field of view",
+        "field of view, ground",
+        "too little detail at the picture's edge: focal length / distance alone",
+        "vertical field of view, degrees",
+        "pixels of a metre of error / pixels that the selection reckons with",
+        ROUNDED,
+        field_of_ground,
+    ),
+    Row(
+        "field of view, buildings",
         "too little detail at the picture's edge: focal length / distance alone",
         "vertical field of view, degrees",
         METRE,
@@ -144,7 +207,7 @@ ROWS = (
         field,
     ),
     Row(
-        "aspect",
+        "aspect, buildings",
         "too little detail at the picture's edge: focal length / distance alone",
         "longer side / shorter side of the picture",
         METRE,

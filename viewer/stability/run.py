@@ -19,6 +19,7 @@ from viewer.stability import (
     lanes,
     lens,
     memory,
+    queue,
     seams,
 )
 from viewer.stability.place import FOCAL_PX, SCREEN_PX, Place
@@ -33,6 +34,7 @@ ROWS: tuple[Row, ...] = (
     *flicker.ROWS,
     *memory.ROWS,
     *lanes.ROWS,
+    *queue.ROWS,
     *lens.ROWS,
     *ground.ROWS,
     *hostile.ROWS,

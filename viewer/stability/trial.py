@@ -58,6 +58,7 @@ class Trial:
         *,
         upload_bytes: int = UPLOAD_BYTES,
         dry: bool = True,
+        holds: bool = False,
     ) -> None:
         self.pager = Pager(store, settings, dry=dry)
         self.trees = trees_of(self.pager.forests)
@@ -65,6 +66,8 @@ class Trial:
         self.now_s = 0.0
         self.uploads_per_frame = upload_bytes
         self._cell = self.pager.forests[Lane.TERRAIN].records["cell"]
+        self._held: dict[Key, object] | None = {} if holds else None
+        """decoded tiles, as long as a renderer has them"""
         self.there = {
             lane: np.zeros(len(tree.parent), np.uint8) for lane, tree in self.trees.items()
         }
@@ -81,10 +84,14 @@ class Trial:
         drawn = pager.draw_list()
         for lane, row in pager.releases(drawn.number):
             self.there[lane][row] = 0
+            if self._held is not None:
+                del self._held[lane, row]
             pager.released(lane, row)
         taken = pager.take_uploads(self.uploads_per_frame) if uploads else []
         for item in taken:
             self.there[item.lane][item.row] = 1
+            if self._held is not None:
+                self._held[item.lane, item.row] = item.tile
             pager.uploaded(item.lane, item.row)
         before = pager.counters["tiles_loaded"]
         pager.advance(self.now_s, self.now_s + FRAME_S)
