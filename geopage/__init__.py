@@ -15,7 +15,18 @@ __version__ = "0.1.0"
 
 
 def open(path: str | PathLike[str]) -> "World":  # noqa: A001 (as in tarfile.open)
-    """Open a store: sample places, find objects. Use it in a `with` statement."""
+    """Open a store for scripts and notebooks. Use it in a `with` statement.
+
+    Returns
+    -------
+    A world with `sample`, `objects_at`, `find`, `render` and `fly`;
+    `help(geopage.world.World)` explains them. Places are longitude, then latitude.
+
+    Raises
+    ------
+    InputError
+        When there is no such store.
+    """
     from geopage.world import World  # noqa: PLC0415 (so that importing geopage is quick)
 
     return World(path)

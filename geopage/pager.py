@@ -20,6 +20,7 @@ from geopage.draw_list import DrawList
 from geopage.exchange import Exchange, Upload
 from geopage.handoff import Signal, ViewSlot
 from geopage.manager import TileManager
+from geopage.policies.benefit import warm_up as warm_up_planner
 from geopage.policies.registry import policy_of
 from geopage.priority_queue import PriorityQueue
 from geopage.residency import Residency
@@ -92,6 +93,7 @@ class Pager:
             limits,
         )
         warm_up()
+        warm_up_planner()
         prediction.warm_up(self.forests[Lane.TERRAIN])
         self.line = Line(settings.throttle) if settings.throttle else None
         self._servers = servers_of(

@@ -18,6 +18,9 @@ from geopage.tree import F8, U1
 from tiles.forest import Rows
 from tiles.lanes import Lane
 
+MOST_PASSED = 16
+"""So many requests of others may overtake a lane's best one, however they rank."""
+
 
 class _Requests:
     """One lane's requests; the queue's lock protects them."""
@@ -30,6 +33,8 @@ class _Requests:
         self.taken: U1 = np.zeros(count, np.uint8)
         self.pending: Rows = np.zeros(0, np.int32)
         self.next = 0
+        self.passed = 0
+        """requests of other lanes popped while one of this lane was pending"""
 
     @property
     def length(self) -> int:
@@ -48,7 +53,7 @@ class PriorityQueue:
     ----------
     counts : rows of each lane
     one_line : all lanes read through one slow line: a lane has its turn when its best
-        request is the best of all
+        request is the best of all, or has been overtaken `MOST_PASSED` times
     """
 
     def __init__(self, counts: Mapping[Lane, int], *, one_line: bool = False) -> None:
@@ -89,6 +94,9 @@ class PriorityQueue:
             state.next += 1
             state.taken[row] = 1
             if self._one_line:
+                for other in self._lanes.values():
+                    other.passed = other.passed + 1 if other.length else 0
+                state.passed = 0
                 self._changed.notify_all()
             return row
 
@@ -97,7 +105,9 @@ class PriorityQueue:
         state = self._lanes[lane]
         if not (self._one_line and state.length):
             return state.length > 0
-        return state.best <= min(other.best for other in self._lanes.values())
+        waiting = [other for other in self._lanes.values() if other.length]
+        first = [other for other in waiting if other.passed >= MOST_PASSED] or waiting
+        return state in first and state.best <= min(other.best for other in first)
 
     def done(self, lane: Lane, row: int) -> None:
         """Let a taken row be asked for again: it was dropped, or its tile is gone."""
@@ -126,9 +136,7 @@ class PriorityQueue:
     def wait(self, lane: Lane, timeout_s: float | None = None) -> bool:
         """Wait until a request of the lane is pending; False when closed or too late."""
         with self._changed:
-            self._changed.wait_for(
-                lambda: self._closed or self._has_turn(lane), timeout_s
-            )
+            self._changed.wait_for(lambda: self._closed or self._has_turn(lane), timeout_s)
             return not self._closed and self._has_turn(lane)
 
     @property

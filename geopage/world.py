@@ -41,6 +41,9 @@ class World:
         self._places: Places | None = None
         self._studio: Any = None
 
+    def __repr__(self) -> str:
+        return f"<geopage world, {self.store.path}>"
+
     @property
     def places(self) -> Places:
         """What the store knows about places; its indexes are read at the first use."""

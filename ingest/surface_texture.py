@@ -58,8 +58,8 @@ SHORE_M = np.float32(0.2), np.float32(1.5)
 """The tint is the sea's up to the first height, the land's from the second on."""
 SURE_M, SURE_SHARE = (np.float32(-1.0), np.float32(60.0)), np.float32(1 / 30.0)
 """Heights between which fine posts know what is sea: land may lie lower, lakes higher."""
-LEVEL, STEEPER = np.float32(0.985), np.float32(1 / 0.015)
-"""Upward part of a unit normal where ground begins to be too steep for water."""
+LEVEL, STEEPER = np.float32(0.9999), np.float32(1 / 0.0002)
+"""Upward part of a unit normal of ground too steep for water: from 0.8 degrees on."""
 OPAQUE = np.float32(0.999)
 DARKER = np.float32(0.3)
 """By how much the tint is darkened where it stands for a picture: pictures are darker."""
@@ -219,7 +219,8 @@ def _kept(texel: Rows, height: np.float32, up: np.float32, knows: np.float32) ->
     low = (height - SURE_M[0]) if height < ZERO else (SURE_M[1] - height) * SURE_SHARE
     steep = (LEVEL - up) * STEEPER if height > ZERO else ZERO
     known = knows * min(max(low, steep, ZERO), ONE)
-    return known * agreed + (ONE - known) * (ONE - (ONE - share) * agreed) / share
+    alone = (ONE - (ONE - share) * agreed) / share
+    return np.float32(known * agreed + (ONE - known) * alone)
 
 
 @inlined

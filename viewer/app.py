@@ -21,7 +21,7 @@ from viewer.app_paging import Told
 from viewer.app_record import Recorder, Replayer
 from viewer.app_search import Search
 from viewer.app_state import AppState
-from viewer.camera import Pose
+from viewer.camera import Pose, unproject
 from viewer.events import Event, MouseMove
 from viewer.flight import FRAME_S, UPLOAD_BYTES, UPLOAD_S
 from viewer.frame_stats import FrameStats
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 SMALLEST_PX = 16
 IDLE_S, WAITING_S = 1.0, 0.004
 """How long to wait for an event: at rest, and while tiles are on their way."""
+MOVING_SHARE, RESTING_SHARE = 0.1, 0.5
+"""Of the last frame's time, for uploads."""
 EXTRA_FRAMES = 6
 """The HUD settles in so many frames after an event."""
 WATCH_S = 2.0
@@ -82,6 +84,8 @@ class App:
         lens = Lens(session.renderer.size_px)
         self.drawn: DrawList | None = None
         """the list that the last frame was drawn from"""
+        self._seen: ViewState | None = None
+        """the view of the last frame"""
         self.navigator: Navigator = Navigator(start, lens, self.touch, self.ground.below)
         self.do: Actions = Actions(self)
         self.input = Input(self)
@@ -179,7 +183,7 @@ class App:
         moved = self.told.view(view, held=self.state.frozen or self.shot is not None)
         pager = self.session.pager
         drawn = pager.draw_list()
-        self.session.feeder.feed(drawn.number, UPLOAD_BYTES, UPLOAD_S)
+        self._feed(drawn, moved=moved)
         if not drawn.number:
             return None
         stats, new = None, self._is_new(drawn) or moved
@@ -197,6 +201,13 @@ class App:
             with gil.interval(gil.SHARE_S):
                 self.window.swap()
         return stats
+
+    def _feed(self, drawn: DrawList, *, moved: bool) -> None:
+        """Upload tiles for as long as a frame bears: longer where frames take long."""
+        last_s = self.state.frame_ms[-1] / 1000 if self.state.frame_ms else 0.0
+        upload_s = max(UPLOAD_S, last_s * (MOVING_SHARE if moved else RESTING_SHARE))
+        size_bytes = int(UPLOAD_BYTES * upload_s / UPLOAD_S)
+        self.session.feeder.feed(drawn.number, size_bytes, upload_s)
 
     def _judge(self, view: ViewState, stats: FrameStats, frame_ms: float) -> None:
         self.state.frame_ms.append(frame_ms)
@@ -217,7 +228,7 @@ class App:
         renderer, utc = self.session.renderer, self.state.utc
         renderer.overlay = self.state.overlay
         renderer.look = replace(renderer.look, sun=sun_direction(utc) if utc else None)
-        self.drawn = drawn
+        self.drawn, self._seen = drawn, view
         self.stats = self.session.renderer.draw(drawn, view)
         return self.stats
 
@@ -247,7 +258,8 @@ class App:
         self.session.renderer.resize(size_px)
         self.session.picture = replace(self.session.picture, size_px=size_px)
         self.navigator.lens = replace(self.navigator.lens, size_px=size_px)
-        self.drawn, self._extra = None, EXTRA_FRAMES
+        self.drawn = self._seen = None
+        self._extra = EXTRA_FRAMES
 
     def _watch(self) -> None:
         """Look now and then whether the driver was reset."""
@@ -267,7 +279,8 @@ class App:
 
     def touch(self, x: float, y: float) -> Ecef | None:
         """Return the point that is drawn at a pixel, None where sky."""
-        width, height = self.session.renderer.size_px
-        if self.drawn is None or not (0 <= x < width and 0 <= y < height):
+        seen = self._seen
+        if seen is None or not (0 <= x < seen.width_px and 0 <= y < seen.height_px):
             return None
-        return self.session.renderer.read_point(int(x), int(y))
+        depth = self.session.renderer.read_depth(int(x), int(y))
+        return unproject(seen, int(x) + 0.5, int(y) + 0.5, depth) if depth else None

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a person can have done, by keys or by panels."""
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -48,6 +49,9 @@ class Actions:
                 state.points = [*state.points, point] if len(state.points) < 2 else [point]
             return
         found = pick(self._app.session, self._app.drawn, (int(x), int(y)))
+        if found["kind"] == "ground":  # what is drawn may be coarse here
+            place = math.radians(found["lon_deg"]), math.radians(found["lat_deg"])
+            found["height_m"] = self._app.ground.height_m(*place)
         state.picked = None if found["kind"] == "sky" else found
         marked = self._marked(int(x), int(y)) if found["kind"] == "building" else None
         state.overlay = replace(state.overlay, picked=marked)

@@ -49,6 +49,12 @@ class Hit:
     straight: bool = False
     """look straight down"""
 
+    def away(self, pose: Pose) -> float:
+        """Return how far it is from below a pose, as a cosine: -1 is there."""
+        lon, lat = math.radians(self.lon_deg), math.radians(self.lat_deg)
+        across = math.cos(lat) * math.cos(pose.lat_rad) * math.cos(lon - pose.lon_rad)
+        return -(across + math.sin(lat) * math.sin(pose.lat_rad))
+
     def pose(self, ground: GroundBelow) -> Pose:
         """Return where to look at it from."""
         lon, lat = math.radians(self.lon_deg), math.radians(self.lat_deg)
@@ -66,6 +72,7 @@ class Search:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._parts: Iterator[list[int]] | None = None
+        self._near: Pose | None = None
         self.hits: list[Hit] = []
         self.message = ""
 
@@ -74,9 +81,10 @@ class Search:
         """Whether it is still looking."""
         return self._parts is not None
 
-    def ask(self, words: str) -> None:
-        """Begin to look for something."""
+    def ask(self, words: str, near: Pose | None = None) -> None:
+        """Begin to look for something; what is nearest to a pose comes first."""
         self.hits, self.message, self._parts = [], "", None
+        self._near = near
         if not words.strip():
             return
         if (place := place_of(words)) is not None:
@@ -102,6 +110,8 @@ class Search:
 
     def _end(self, *, more: bool) -> None:
         self._parts = None
+        if (near := self._near) is not None:
+            self.hits.sort(key=lambda hit: hit.away(near))
         count = f"{len(self.hits)} found" if self.hits else "nothing found"
         self.message = f"the first {MOST}" if more else count
 

@@ -27,7 +27,12 @@ PICTURE = (
 """Column, the least that a logarithmic axis shows of it, and words"""
 MOST_PX = 100.0
 """What errs more is drawn here."""
-TITLE = "How wrong is the ground in a frame, and what does the frame cost?"
+HEADS = {
+    "error_p95_px": "How wrong is the ground in a frame, and what does the frame cost?",
+    "flip_mean": "How far is a frame from the finest picture, and what does it cost?",
+}
+WHOLE = ("settled", "triangles", 1e-3, "triangles in a frame, thousands")
+"""What a picture costs, in place of the ground alone"""
 HOW = (
     " Lower left is better. Each curve is one way to choose detail on the same engine and"
     " data, each mark a threshold in px."
@@ -60,6 +65,8 @@ def bench_chart(
     plt = pyplot(outs[0])
     up = [what if any(what[0] in row for row in rows) else PICTURE]
     across = [kind for kind in ACROSS if any(kind[0] == row["mode"] for row in rows)]
+    if up[0] is PICTURE:
+        across = [WHOLE if kind[1] == "ground_triangles" else kind for kind in across]
     size = 3.4 * len(across) + 3.4, 6.0
     figure, panels = plt.subplots(
         len(up), len(across), figsize=size, sharey="row", squeeze=False
@@ -80,7 +87,7 @@ def bench_chart(
     for top, axes, kind in zip(panels[0], panels[-1], across, strict=True):
         top.set_title(TITLES[kind[0]], loc="left", fontsize=9)
         axes.set_xlabel(kind[3])
-    figure.suptitle(TITLE, x=0.01, ha="left", fontsize=14)
+    figure.suptitle(HEADS[up[0][0]], x=0.01, ha="left", fontsize=14)
     flight = f"Flight {about['path']} over {about['store']}, {about['picture']}."
     figure.text(0.01, 1 - 0.52 / size[1], flight + HOW, fontsize=9, color="#555555")
     figure.text(0.01, 0.01, _note(about), fontsize=8, color="#555555")

@@ -105,3 +105,17 @@ def project(view: ViewState, points: NDArray[np.float64]) -> Floats:
     x = view.width_px / 2 + view.focal_px * camera[..., 0] / depth
     y = view.height_px / 2 - view.focal_px * camera[..., 1] / depth
     return np.stack((x, y, depth), -1)
+
+
+def unproject(view: ViewState, x: float, y: float, depth: float) -> Ecef:
+    """Return the point at a position in the picture that has a depth, as GL keeps it.
+
+    Parameters
+    ----------
+    x, y : pixels to the right and down from the top left corner
+    depth : 1 at the near plane, towards 0 at infinity
+    """
+    right = (x - view.width_px / 2) / view.focal_px
+    above = (view.height_px / 2 - y) / view.focal_px
+    ray = np.array((right, above, -1.0)) @ view.rotation
+    return Ecef(view.eye + ray * (NEAR_M / depth))

@@ -45,11 +45,11 @@ def replay(words: list[str]) -> int:
         "within: share of frames whose 95th percentile of the terrain's screen error, by"
         " area, is at most the threshold; rays meet the ellipsoid at the ground's height"
         " under the eye, a tile with nothing finer counts as 0. complete: and no object"
-        " tile is missing. x ideal: bytes read, by those of the distinct tiles that the views"
-        " draw when all is there. late: tiles uploaded after something coarser was drawn in"
-        " their place, and after how long. hit: share of tiles read before a view missed"
-        " them that were drawn; undrawn: share of all tiles read that never were. The first"
-        " view is there before the clock starts, and is not counted.",
+        " tile is missing. x ideal: bytes read, by those of the distinct tiles that the"
+        " views draw when all is there. late: tiles uploaded after something coarser was"
+        " drawn in their place, and after how long. hit: share of tiles read before a view"
+        " missed them that were drawn; undrawn: share of all tiles read that never were."
+        " The first view is there before the clock starts, and is not counted.",
     )
     parser.add_argument("store", type=Path)
     parser.add_argument("path", type=Path, metavar="PATH.json|FRAMES.csv")

@@ -88,7 +88,7 @@ class Parts:
             before = json.loads(file.read_text())
             changed = [key for key in about if before.get(key) != about[key]]
             if changed:
-                reason = f"was begun with another {changed[0]}"
+                reason = f"was begun with another {_told(changed[0], before, about)}"
                 advice = f"go on with the same, or remove {self.folder} to begin anew"
                 raise InputError(self.out, reason, advice)
         fresh = self.folder / "fresh.json"
@@ -162,3 +162,13 @@ def _span(part: Path) -> tuple[int, int]:
     """Return a part's first frame and its number of frames."""
     first, count = part.stem.split("-")
     return int(first), int(count)
+
+
+def _told(key: str, before: Json, now: Json) -> str:
+    """Say what has changed, and how where a person can read it."""
+    if isinstance(now[key], str):  # a digest
+        return key
+    old, new = (one[key] for one in (before, now))
+    if key == "style":
+        old, new = ((one or {}).get("field", "none") for one in (old, new))
+    return f"{key} ({old}, now {new})"

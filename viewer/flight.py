@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geopage.draw_list import DrawList
+from geopage.trace import TileTrace
 from geopage.view import ViewState
 from viewer import gil
 from viewer.camera import pose_of
@@ -70,6 +71,8 @@ class Recording:
     rss_before_bytes: int = 0
     settle_s: float = 0.0
     """Time to load the first view before the clock started"""
+    trace: TileTrace | None = None
+    """What became of each tile that was asked for, in real time"""
 
     def table(self) -> NDArray[np.void]:
         """Return (n,) FRAME."""
@@ -99,6 +102,7 @@ def fly_paced(
     pace_s = governor.budget.budget_ms / 1000 if governor else FRAME_S
     with quiet_collector(), gil.interval(gil.KEEP_S), closing(Preemption()) as preemption:
         start_s = time.perf_counter()
+        recording.trace = pager.record(lambda: time.perf_counter() - start_s)
         while (now_s := time.perf_counter() - start_s) < flight.path.duration_s:
             clock = FrameClock(preemption)
             view = flight.view(now_s)

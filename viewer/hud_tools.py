@@ -19,6 +19,8 @@ class Tools:
 
     def __init__(self) -> None:
         self._words = ""
+        self._asked = False
+        """and no answer yet"""
         self._name = ""
 
     def search(self, app: "App") -> None:
@@ -29,8 +31,11 @@ class Tools:
         done, self._words = imgui.input_text_with_hint("##find", hint, self._words, enter)
         found = app.search
         if done:
-            found.ask(self._words)
-            if len(found.hits) == 1 and not found.on:
+            found.ask(self._words, app.navigator.pose)
+            self._asked = True
+        if self._asked and not found.on:
+            self._asked = False
+            if len(found.hits) == 1:
                 app.do.fly_to(found.hits[0].pose(app.ground.below))
         if found.message:
             text_in(QUIET, found.message)

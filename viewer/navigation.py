@@ -46,7 +46,7 @@ SLOWEST_M, FASTEST_M = 4.0, 4e6
 FAST = 4.0
 TURN_RAD_S = 0.9
 NEAREST_M = 3.0
-LONGEST_STEP_S = 0.1
+LONGEST_STEP_S = 0.25
 WAYS = {
     "forward": (0, 1.0),
     "back": (0, -1.0),

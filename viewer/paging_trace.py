@@ -26,6 +26,11 @@ STAGES = (
     ("uploaded_s", "drawn_s", COLOURS[4], "there, not drawn yet"),
 )
 LATE = COLOURS[1]
+TRACE_TEXT = (
+    "Paging, tile by tile. A line for each tile, from when it was asked for until it was"
+    " first drawn; red: something coarser was drawn in its place meanwhile. Every tile with"
+    " its ranks is in trace.csv."
+)
 WORST = 15
 Json = dict[str, Any]
 
@@ -81,8 +86,8 @@ def write_trace_page(
         f"<h1>Paging, tile by tile</h1><p class=lead>{escape(lead)}</p>",
         "<p>A line for each tile, from the first one asked for at the top. It begins when"
         " the tile was first asked for and ends when it was first drawn. Red: something"
-        " coarser was drawn in its place meanwhile. A grey line without a blue part was"
-        " asked for and never read: others were worth more, or it was no longer needed.</p>"
+        " coarser was drawn in its place meanwhile. A mere grey dash was asked for and"
+        " never read: others were worth more, or it was no longer needed.</p>"
         '<img src="trace.svg" alt="time line of every tile">',
         _figures(summary(table)),
         _latest(table, trees),

@@ -18,7 +18,6 @@ from tiles.objects import ObjectTile
 from tiles.terrain import TerrainTile
 from viewer import cull, gil, gl
 from viewer.arena import Arena, ArenaSize
-from viewer.camera import NEAR_M
 from viewer.clearance import Clearance, Drawn
 from viewer.frame_stats import FrameStats
 from viewer.frame_table import FrameTable
@@ -234,20 +233,10 @@ class Renderer:
         depth = self._frame.target.read(0, (gl.DEPTH_COMPONENT, gl.FLOAT), whole)
         return np.asarray(depth.reshape(height, n, width, n).max((1, 3)) == 0.0)
 
-    def read_point(self, x: int, y: int) -> Ecef | None:
-        """Return the point that the last frame drew at one pixel, None where sky.
-
-        Read from the frame's own depth, without drawing anything.
-        """
+    def read_depth(self, x: int, y: int) -> float:
+        """Return the depth that the last frame has at one pixel, 0 where sky."""
         n = self._supersample
-        depth = self._frame.target.depth_at(x * n + n // 2, y * n + n // 2)
-        if self._last is None or depth == 0.0:
-            return None
-        view = self._last[0]
-        right = (x + 0.5 - view.width_px / 2) / view.focal_px
-        above = (view.height_px / 2 - y - 0.5) / view.focal_px
-        ray = np.array((right, above, -1.0)) @ view.rotation
-        return Ecef(view.eye + ray * (NEAR_M / depth))
+        return self._frame.target.depth_at(x * n + n // 2, y * n + n // 2)
 
     def read_ids(self) -> NDArray[np.int32]:
         """Return what each pixel of the last frame shows, (height, width) int32.

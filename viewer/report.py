@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.trace import summary
 from viewer.flight import Recording
 from viewer.machine import machine
 from viewer.replay import Replay, distinct_bytes
@@ -44,6 +45,11 @@ def flight_report(
         "size_px": session.picture.size_px,
     }
     io = {"bytes_read": counters["bytes_read"], **_tiles(counters)}
+    traced = summary(recording.trace.table()) if recording.trace else {}
+    late = {key: value for key, value in traced.items() if key.startswith("late_")}
+    found = {
+        key: value for key, value in traced.items() if key.endswith(("predicted", "share"))
+    }
     return {
         "settings": settings,
         "machine": machine(session.renderer.gl),
@@ -60,7 +66,8 @@ def flight_report(
             "share_frames_within_2px": float((played.screen_error_px <= LIMIT_PX).mean()),
             "share_pixels_within_threshold_or_leaf": float(played.kept.mean()),
         },
-        "io": io,
+        "io": io | late,
+        **({"prediction": found} if found else {}),
         "memory": {
             "budget_bytes": memory["budget_bytes"],
             "peak_bytes": memory["peak_bytes"],

@@ -5,20 +5,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from geopage.selection import Thresholds
+from geopage.selection import Thresholds, trees_of
 from geopage.settings import MIB, PagerSettings
 from geopage.style import Style
 from tiles.errors import InputError, TileFault
 from tiles.lanes import Lane
-from viewer.camera_path import CameraPath, read_path
+from viewer.camera_path import CameraPath
 from viewer.charts import flight_over_time
 from viewer.film import film
 from viewer.flight import Recording, fly_paced, fly_settled
 from viewer.governor import Governor
 from viewer.key_frames import FRAMES, key_frames_error
 from viewer.page import Page, write_page
+from viewer.paging_trace import TRACE_TEXT, draw_trace, write_trace
 from viewer.poses import Flight
 from viewer.progress import bar
+from viewer.recorded import read_flight
 from viewer.replay import Replay, Rgb, look_again, time_again
 from viewer.report import flight_report, write_report
 from viewer.session import Picture, Session
@@ -51,7 +53,7 @@ def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Jso
     ------
     InputError
     """
-    path = read_path(run.path)
+    path = read_flight(run.path)
     make_folders(run)
     with Session(store, settings, picture, run.style) as session:
         flight = Flight(path, session.surface, picture.size_px)
@@ -68,6 +70,9 @@ def fly(store: Path, settings: PagerSettings, picture: Picture, run: Run) -> Jso
             report["frame_budget"] = governor.figures(recording.table())
     _first_object(report, recording, session)
     write_report(run.out, report, recording, played)
+    if recording.trace:
+        trees = trees_of(session.pager.forests)
+        write_trace(run.out / "trace.csv", recording.trace.table(), trees)
     if run.page:
         _write_page(run, report, recording, played)
     return report
@@ -170,6 +175,9 @@ def _write_page(run: Run, report: Json, recording: Recording, played: Replay) ->
     )
     film_name = run.film.name if run.film and run.film.parent == run.out else None
     charts = [("flight.svg", text)]
+    if recording.trace:
+        draw_trace(recording.trace.table(), run.out / "trace.svg")
+        charts.append(("trace.svg", TRACE_TEXT))
     write_page(
         run.out, Page(f"Flight {name}", f"Flown {seen}.", report, film_name, (), charts)
     )

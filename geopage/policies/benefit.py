@@ -10,12 +10,15 @@ come (measured): what will be seen when the bytes have arrived is asked for, and
 is seen now. Each picture ahead has goals: its terrain good by area, all its objects, and
 for pictures that can't be good in time the same at a few times the threshold. Goals that
 can be met are read in the order in which they are due; see `geopage.schedule`. Both lanes
-share one line and one rank. The rest of what the newest view misses comes after that.
+share one line and one rank. The rest of what the newest view misses comes after that, and
+what has been missed for longer than `AGE_S` comes forward, so that nothing starves.
 
 Least recently used goes first.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -30,11 +33,25 @@ from geopage.policies.protocol import (
     Requests,
     Situation,
 )
-from geopage.prediction import AHEAD, predict
-from geopage.schedule import UNMET, Line, Marks, choose, line_of, marks_of, ranked
-from geopage.selection import Selection
+from geopage.prediction import AHEAD, Motion, predict
+from geopage.schedule import (
+    STEP,
+    UNMET,
+    Line,
+    Marks,
+    choose,
+    line_of,
+    marks_of,
+    ranked,
+)
+from geopage.screen_error import lens_of
+from geopage.selection import Selection, Thresholds, select, trees_of
 from geopage.tree import F8
-from tiles.forest import Rows
+from geopage.view import ViewState
+from tiles import cells
+from tiles.forest import Rows, build_forest
+from tiles.frames import Ecef
+from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 
 AHEAD_S = np.array(
@@ -50,6 +67,9 @@ OBJECTS_SHARE = 0.5
 """Likewise for objects: terrain that is not foreseen yet will need the line, too."""
 TIGHT = 0.3
 """A line of which no goal takes more than this share keeps up."""
+AGE_S = 10.0
+AGING = 2.0
+"""Pictures by which the rank of what is missed comes forward in a second after that."""
 FAST_BYTES_S, FAST_S = 8e6, 0.02
 """A line that brings so many bytes a second, and all that is missing in so short a time,
 keeps up."""
@@ -63,6 +83,7 @@ class Benefit(LeastRecentlyUsed):
         self._later: dict[float, Selection] = {}
         self._work: Work | None = None
         self._marks: dict[Lane, Marks] = {}
+        self._missed: dict[Lane, tuple[Rows, F8]] = {}
 
     def plan(self, seen: Situation) -> Plan:
         """Rank what is missing."""
@@ -129,11 +150,25 @@ class Benefit(LeastRecentlyUsed):
         due = self._marks[Lane.OBJECTS].due
         choose(things, views, OBJECTS_SHARE, town, line, due)
 
-    @staticmethod
-    def _requests(seen: Situation, lane: Lane, rows: Rows, keys: F8) -> PageRequests:
-        """Add the rest of what the newest view misses."""
+    def _requests(self, seen: Situation, lane: Lane, rows: Rows, keys: F8) -> PageRequests:
+        """Add the rest of what the newest view misses, what it misses long first."""
         wants = seen.chosen.wants[lane]
-        return merged([(rows, keys), (wants.rows, 2 * UNMET + ranks(wants))])
+        old_s = seen.view.t_s - self._missed_since(lane, wants.rows, seen.view.t_s) - AGE_S
+        aged = STEP * np.maximum(len(AHEAD_S) - AGING * old_s, 0.0)
+        rest = np.where(old_s > 0, aged, 2 * UNMET + ranks(wants))
+        return merged([(rows, keys), (wants.rows, rest)])
+
+    def _missed_since(self, lane: Lane, rows: Rows, now_s: float) -> F8:
+        """Return since when the views have missed each tile, (w,)."""
+        before, since_s = self._missed.get(lane, (rows[:0], np.zeros(0)))
+        order = np.argsort(rows)
+        at = np.searchsorted(before, rows[order])
+        known = np.append(before, -1)[at] == rows[order]
+        found = np.where(known, np.append(since_s, now_s)[at], now_s)
+        self._missed[lane] = rows[order], np.minimum(found, now_s)
+        back = np.empty(len(rows))
+        back[order] = found
+        return back
 
     def _plan_spare(self, seen: Situation) -> Plan:
         later = self._look_ahead(seen)
@@ -170,9 +205,26 @@ class Benefit(LeastRecentlyUsed):
 
 
 def merged(groups: Sequence[tuple[Rows, F8]]) -> PageRequests:
-    """Return the rows of groups by rank, each once, by its first group."""
+    """Return the rows of groups by rank, each once, by its best rank."""
     rows = np.concatenate([rows for rows, _ in groups])
     keys = np.concatenate([keys for _, keys in groups])
-    _, first = np.unique(rows, return_index=True)
-    order = first[np.argsort(keys[first], kind="stable")]
+    order = np.lexsort((rows, keys))
+    _, first = np.unique(rows[order], return_index=True)
+    order = order[np.sort(first)]
     return PageRequests(rows[order], keys[order], len(order))
+
+
+@cache
+def warm_up() -> None:
+    """Compile the planner's kernels, or load them, so that no flight has to."""
+    record = np.zeros(1, INDEX)
+    record["cell"], record["centre"] = cells.make(0, 0, 0, 0), (6.4e6, 0.0, 0.0)
+    record["radius_m"] = 1.0
+    trees = trees_of(dict.fromkeys(Lane, build_forest(record)))
+    view = ViewState(0.0, Ecef(np.array((1e7, 0.0, 0.0))), np.eye(3), 500.0, 640, 480)
+    flags = {lane: np.zeros(1, np.uint8) for lane in Lane}
+    chosen = select(trees, lens_of(view), flags, Thresholds(1.0, 1.0))
+    motion = Motion(0.0, 0.0, 0.0, np.zeros(3), 0.0)
+    limits = Thresholds(1.0, 1.0)
+    seen = Situation([view], motion, 0.0, 1, trees, flags, limits, 0.0, chosen)
+    Benefit().plan(replace(seen, bytes_per_s=1.0))

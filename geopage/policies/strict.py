@@ -4,7 +4,7 @@
 A tile's four children are asked for when the tile itself can be drawn and errs by more
 than the threshold, the largest screen error first; nothing is asked for before a view
 needs it. (They are drawn when all four are there: so it is for every policy.) Objects
-likewise: a tile is asked for when the tile with its proxy is there.
+are asked for as by `demand`.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from geopage.policies.demand import by_error
 from geopage.policies.protocol import LeastRecentlyUsed, Plan, Situation, in_order
 from geopage.screen_error import error_px_per_m
-from geopage.tree import F8, Tree
+from geopage.tree import F8
 from tiles.forest import Rows
 from tiles.lanes import Lane
 
@@ -23,14 +23,10 @@ class Strict(LeastRecentlyUsed):
     def plan(self, seen: Situation) -> Plan:
         """Ask for the next level of what the newest view draws."""
         land, things = self._next_level(seen), seen.chosen.wants[Lane.OBJECTS]
-        town = seen.trees[Lane.OBJECTS]
-        known = np.append(seen.uploaded[Lane.OBJECTS] | (town.has_tile == 0), 1)
-        ready = np.array([_is_ready(town, known, row) for row in things.rows], np.bool_)
-        keys = by_error(things)
         return Plan(
             {
                 Lane.TERRAIN: in_order([land]),
-                Lane.OBJECTS: in_order([(things.rows[ready], keys[ready])]),
+                Lane.OBJECTS: in_order([(things.rows, by_error(things))]),
             }
         )
 
@@ -54,11 +50,3 @@ class Strict(LeastRecentlyUsed):
         first = np.full(len(roots), keys.min(initial=0.0) - 1.0)
         rows = np.concatenate((roots, below[absent])).astype(np.int32)
         return rows, np.concatenate((first, keys[absent]))
-
-
-def _is_ready(tree: Tree, known: np.ndarray, row: int) -> bool:
-    """Say whether the nearest tile above a row can be drawn, or there is none."""
-    above = int(tree.parent[row])
-    while above >= 0 and not tree.has_tile[above]:
-        above = int(tree.parent[above])
-    return bool(known[above])

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geopage.object_selection import ASK_EARLIER
+from geopage.object_visit import STAY
 from geopage.screen_error import STILL, Lens, Sweep, blur_px, lens_of, px_per_m
 from geopage.selection import Selection, Thresholds, everything, ideal, select, trees_of
 from geopage.tree import U1
@@ -175,6 +176,38 @@ def test_the_town_appears_at_size_times_focal_over_threshold() -> None:
     for share, seen in ((0.999, True), (1.001, False)):
         best = ideal(FORESTS, facing(top, reach_m * share), 2.0, 2.0)
         assert (top in best.objects.tolist()) == seen
+
+
+def test_what_was_drawn_goes_later_than_it_came() -> None:
+    top = int(np.flatnonzero(TOWN.level == CITY_LEVELS[0])[0])
+    reach_m = float(TOWN.proxy_m[top]) * view_at(0.0).focal_px / 2.0
+    flags = everything(TREES)
+
+    def drawn(share: float, before: Selection | None) -> Selection:
+        lens = lens_of(facing(top, reach_m * share))
+        return select(TREES, lens, flags, LIMITS, before.made if before else None)
+
+    came = drawn(0.999, None)
+    for share, stays in ((1.001, True), (0.999 / STAY, True), (1.001 / STAY, False)):
+        assert (top in drawn(share, came).objects.tolist()) == stays
+    assert top not in drawn(1.001, None).objects.tolist()
+
+
+def test_a_view_that_stands_still_selects_the_same_again() -> None:
+    for height_m in np.geomspace(50.0, 1e6, 12).tolist():
+        lens = lens_of(view_at(height_m))
+        first = select(TREES, lens, everything(TREES), LIMITS)
+        again = select(TREES, lens, everything(TREES), LIMITS, first.made)
+        assert again.objects.tolist() == first.objects.tolist()
+        assert again.proxies.tolist() == first.proxies.tolist()
+        assert again.own.tolist() == first.own.tolist()
+
+
+def test_tiles_that_can_stand_in_count_as_kept() -> None:
+    chosen = select(TREES, lens_of(view_at(200.0)), everything(TREES), LIMITS)
+    above = set(chosen.keep[Lane.OBJECTS].tolist()) - set(chosen.objects.tolist())
+    levels = set(TOWN.level[list(above)].tolist())
+    assert levels >= {*CITY_LEVELS[:2]}
 
 
 def test_tiles_are_asked_for_before_they_are_drawn() -> None:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from geopage.benefit import merged_ranks
 from geopage.pager import Pager
-from geopage.policies.benefit import Benefit
+from geopage.policies.benefit import AGE_S, AHEAD_S, Benefit
 from geopage.policies.berkeley import READ_BYTES, Berkeley
 from geopage.policies.coarser import next_down, on_the_way
 from geopage.policies.demand import Demand
@@ -17,6 +18,7 @@ from geopage.policies.registry import REGISTRY
 from geopage.policies.review import Review, frustum_cell
 from geopage.policies.vgis import Vgis, levels_skipped
 from geopage.prediction import AHEAD, motion_of, predict
+from geopage.schedule import UNMET
 from geopage.screen_error import lens_of
 from geopage.selection import Thresholds, everything, ideal, select
 from geopage.settings import REPLAYED, PagerSettings, Throttle
@@ -122,7 +124,7 @@ def test_rows_of_several_groups_count_in_the_first() -> None:
     assert found.now == 2
 
 
-def test_benefit_asks_as_before_there_were_policies(trees: Trees) -> None:
+def test_benefit_on_a_fast_line_asks_by_benefit_now_and_ahead(trees: Trees) -> None:
     situation, policy = flown(trees, -1.0), Benefit()
     plan = policy.plan(situation)
     ahead_s, weight = AHEAD[1]
@@ -134,6 +136,46 @@ def test_benefit_asks_as_before_there_were_policies(trees: Trees) -> None:
         )
         np.testing.assert_array_equal(plan.requests[lane].rows, rows)
         np.testing.assert_array_equal(plan.requests[lane].ranks, ranks)
+
+
+def test_benefit_on_a_slow_line_asks_for_what_will_be_seen_when_it_comes(
+    trees: Trees,
+) -> None:
+    situation, land = flown(trees, -1.0, 1e5), trees[Lane.TERRAIN]
+    bytes_per_s = 20e3
+    slow = replace(situation, bytes_per_s=bytes_per_s)
+    asked = Benefit().plan(slow).requests[Lane.TERRAIN]
+    in_time = asked.rows[asked.ranks < UNMET / 2]
+    assert len(in_time)
+    assert land.tile_bytes[in_time].sum() <= AHEAD_S[-1] * bytes_per_s
+    now = set(situation.chosen.wants[Lane.TERRAIN].rows.tolist())
+    assert set(in_time.tolist()) - now
+    assert now <= set(asked.rows.tolist())
+
+
+def test_what_is_missed_for_long_comes_before_everything_else(trees: Trees) -> None:
+    policy, place = Benefit(), {}
+    for t_s in (0.0, 5.0, AGE_S, AGE_S + 20.0):
+        views = view_at(1.01e5, t_s=t_s), view_at(1e5, t_s=t_s + 0.1)
+        slow = replace(seen(trees, *views), bytes_per_s=5e3)
+        asked = policy.plan(slow).requests[Lane.TERRAIN]
+        missed = slow.chosen.wants[Lane.TERRAIN].rows
+        place[t_s] = np.flatnonzero(np.isin(asked.rows, missed))
+    assert place[0.0].max() >= len(missed)
+    assert place[AGE_S + 20.0].max() < len(missed)
+
+
+def test_a_destination_comes_after_all_that_is_missed(trees: Trees) -> None:
+    there = view_at(500.0, (SPOT[0] + 0.3, SPOT[1]), t_s=9.0)
+    plain = seen(trees, view_at(1e5))
+    asked = Benefit().plan(replace(plain, destination=there)).requests[Lane.TERRAIN]
+    before = Benefit().plan(plain).requests[Lane.TERRAIN]
+    wanted = select(trees, lens_of(there), plain.uploaded, LIMITS).wants[Lane.TERRAIN]
+    assert asked.rows[: len(before.rows)].tolist() == before.rows.tolist()
+    assert asked.now == before.now
+    more = set(wanted.rows.tolist()) - set(before.rows.tolist())
+    assert set(asked.rows[len(before.rows) :].tolist()) == more
+    assert more
 
 
 def test_demand_puts_the_largest_error_first_and_asks_for_nothing_early(

@@ -7,7 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from geopage.priority_queue import PriorityQueue
+from geopage.priority_queue import MOST_PASSED, PriorityQueue
 from tiles.lanes import Lane
 
 COUNT = 12
@@ -118,3 +118,36 @@ def test_a_closed_queue_hands_nothing_out() -> None:
     queue.close()
     assert queue.pop(Lane.TERRAIN) is None
     assert not queue.wait(Lane.TERRAIN)
+
+
+def test_on_one_line_the_lane_with_the_best_request_has_its_turn() -> None:
+    queue = PriorityQueue(dict.fromkeys(Lane, COUNT), one_line=True)
+    put(queue, Lane.TERRAIN, {1: 5.0, 2: 7.0})
+    put(queue, Lane.OBJECTS, {3: 6.0, 4: 8.0})
+    order = []
+    for _ in range(4):
+        found = {lane: queue.pop(lane) for lane in reversed(Lane)}
+        order += [row for row in found.values() if row is not None]
+    assert order == [1, 3, 2, 4]
+
+
+def test_on_one_line_a_lane_waits_until_it_has_its_turn() -> None:
+    queue = PriorityQueue(dict.fromkeys(Lane, COUNT), one_line=True)
+    put(queue, Lane.TERRAIN, {1: 5.0})
+    put(queue, Lane.OBJECTS, {3: 6.0})
+    assert not queue.wait(Lane.OBJECTS, 0.0)
+    assert queue.wait(Lane.TERRAIN, 0.0)
+    queue.pop(Lane.TERRAIN)
+    assert queue.wait(Lane.OBJECTS, 0.0)
+
+
+def test_on_one_line_a_lane_is_overtaken_only_so_often() -> None:
+    queue = PriorityQueue(dict.fromkeys(Lane, COUNT * 3), one_line=True)
+    put(queue, Lane.TERRAIN, {row: float(row) for row in range(2 * MOST_PASSED)})
+    put(queue, Lane.OBJECTS, {5: 1000.0})
+    for _ in range(MOST_PASSED):
+        assert queue.pop(Lane.OBJECTS) is None
+        assert queue.pop(Lane.TERRAIN) is not None
+    assert queue.pop(Lane.TERRAIN) is None
+    assert queue.pop(Lane.OBJECTS) == 5
+    assert queue.pop(Lane.TERRAIN) is not None

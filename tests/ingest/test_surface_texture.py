@@ -70,13 +70,20 @@ def opened(tmp_path: Path) -> Iterator[Opener]:
         connection.close()
 
 
-def paint(cell: int, height_m: Floats, elevation_m: Floats, pictures: list[Layer]) -> Any:
+def paint(
+    cell: int,
+    height_m: Floats,
+    elevation_m: Floats,
+    pictures: list[Layer],
+    spacing_m: float = np.inf,
+) -> Any:
     """Paint a cell from a lattice of heights with one more post all round."""
     lon, lat = lattice_places(cell, len(height_m) - 3, margin=1)
     slopes = np.empty((len(height_m) - 2, len(height_m) - 2, 3))
     slopes[..., :2] = lattice_slopes(lon, lat, height_m)
     slopes[..., 2] = steeper_of(np.asarray(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE)
-    return colours(cell, slopes, np.asarray(elevation_m)[1:-1, 1:-1], pictures)
+    inner = np.asarray(elevation_m)[1:-1, 1:-1]
+    return colours(cell, slopes, inner, pictures, spacing_m)
 
 
 @pytest.mark.parametrize(
@@ -238,6 +245,54 @@ def test_slopes_towards_the_light_are_brighter_and_flat_ground_is_as_it_is(
     assert abs(shown["flat"] - 120) < 0.01
     assert shown["north-west"] > 125
     assert shown["south-east"] < 95
+
+
+GREEN = (60, 110, 50)
+
+
+@pytest.mark.parametrize(
+    ("colour", "height_m"), [(BLUE, 20.0), (GREEN, 0.0), (GREEN, -40.0)]
+)
+def test_where_a_coarse_picture_and_the_height_differ_on_the_sea_one_of_them_counts(
+    opened: Opener, colour: tuple[int, int, int], height_m: float
+) -> None:
+    layer = opened(plain(colour), north_up(5.0, 52.0, 0.2))
+    cell, level = cell_of(9), np.full((19, 19), height_m)
+    tint = paint(cell, level, level, [])
+    coarse = paint(cell, level, level, [layer])
+    fine = paint(cell, level, level, [layer], 90.0)
+    assert np.abs(coarse - np.array(colour)).max() < 2
+    if height_m < -1.0:  # there is land below the sea's level
+        assert np.abs(fine - np.array(colour)).max() < 2
+    else:
+        assert (fine < tint).all()
+        assert (
+            np.abs(
+                fine / fine.sum(-1, keepdims=True) - tint / tint.sum(-1, keepdims=True)
+            ).max()
+            < 0.02
+        )
+
+
+def test_where_a_coarse_picture_and_the_height_agree_both_count(opened: Opener) -> None:
+    layer = opened(plain(BLUE), north_up(5.0, 52.0, 0.2))
+    cell, level = cell_of(9), np.full((19, 19), -100.0)
+    tint = paint(cell, level, level, [])
+    for spacing_m in (90.0, 1e4):
+        found = paint(cell, level, level, [layer], spacing_m)
+        assert np.abs(found - (0.75 * np.array(BLUE) + 0.25 * tint)).max() < 2
+
+
+def test_ground_under_the_sea_shows_a_third_of_its_relief() -> None:
+    cell = cell_of(9)
+    ramp = np.add.outer(np.zeros(19), np.arange(19.0)) * -100.0
+    dark = [
+        paint(cell, ramp, np.full((19, 19), height_m), []).mean()
+        / paint(cell, ramp * 0, np.full((19, 19), height_m), []).mean()
+        for height_m in (1000.0, -1000.0)
+    ]
+    assert dark[0] < 0.95
+    assert dark[1] - 1 == pytest.approx(0.35 * (dark[0] - 1), abs=0.02)
 
 
 def test_the_tint_has_no_steps_above_the_shore() -> None:

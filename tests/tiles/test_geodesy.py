@@ -86,6 +86,8 @@ def test_the_kernel_gives_what_the_arrays_give(rng: np.random.Generator) -> None
     lon, lat, height = points(rng, (-1e4, 1e7), 200)
     ours = [geodesy.ecef_of(*point) for point in zip(lon, lat, height, strict=True)]
     assert np.allclose(ours, geodesy.to_ecef(lon, lat, height), rtol=1e-15, atol=5e-9)
+    back = [geodesy.geodetic_of(*point) for point in ours]
+    assert np.allclose(back, np.transpose([lon, lat, height]), rtol=1e-14, atol=5e-9)
 
 
 def test_shapes_broadcast() -> None:

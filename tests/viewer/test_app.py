@@ -49,6 +49,19 @@ def test_the_picture_is_on_the_screen(app: Flown, screen: Screen) -> None:
     assert np.abs(shown.astype(int) - drawn).max() <= 1
 
 
+def test_what_is_touched_is_what_was_drawn(app: Flown) -> None:
+    app.put(over_city(200.0, -0.7))
+    drawn = app.session.renderer.read_positions()
+    away_m = np.linalg.norm(drawn - app.navigator.view(0.0).eye, axis=-1)
+    for x, y in ((3, 5), (160, 100), (300, 190), (77, 140)):
+        point = app.touch(x + 0.5, y + 0.5)
+        assert point is not None
+        assert np.linalg.norm(point - drawn[y, x]) < 1e-3 * away_m[y, x]
+    assert app.touch(-1, 5) is None
+    app.put(over_city(3e7))
+    assert app.touch(3, 3) is None
+
+
 def test_dragging_keeps_the_drawn_point_under_the_cursor(app: Flown) -> None:
     app.put(over_city(400.0, -0.9))
     before = app.session.renderer.read_rgb()

@@ -8,6 +8,7 @@ from geopage.find import find_ids
 from tests.viewer.small_world import ROWS
 from tiles.store import Store
 from viewer.app_search import MOST, NEAR_M, Search, place_of, title_of
+from viewer.camera import Pose
 
 
 @pytest.mark.parametrize(
@@ -56,3 +57,9 @@ def test_a_search_finds_what_the_command_finds(hill_store: Path) -> None:
         assert "not a number" in search.message
         assert answers(search, "") == []
         assert not search.message
+        search.ask("height>=26", near := Pose(math.radians(11), math.radians(46), 0, 0, 0))
+        while search.on:
+            search.step()
+        north_east = [hit.lat_deg + hit.lon_deg for hit in search.hits]
+        assert north_east[0] > north_east[-1]
+        assert search.hits[0].away(near) < search.hits[-1].away(near)

@@ -105,7 +105,7 @@ def test_a_remeshed_selection_knows_the_error_of_all_that_it_asks(grids: Remeshe
     grids.hold(drawn)
     grids.renderer.draw(drawn, eye)
     assert hole_pixels(grids.renderer, eye, float(records["min_height_m"].min())) == 0
-    surface = MadeTiles(grids).surface(drawn.terrain)
+    surface = MadeTiles(grids).surface(drawn)
     places = grids.renderer.read_positions().reshape(-1, 3)
     places = places[np.isfinite(places[:, 0])]
     assert (holders(surface, places) >= 0).mean() > 0.99

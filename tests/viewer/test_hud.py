@@ -97,6 +97,19 @@ def test_a_place_is_typed_and_flown_to(app: Flown) -> None:
     assert not app.state.closing
 
 
+def test_the_only_building_of_a_name_is_flown_to(app: Flown) -> None:
+    visit(app, *FIND)
+    app.click(*FIND)
+    app.go(STEP_S, Key("a", down=True, control=True), Key("a", down=False, control=True))
+    for letter in "name=3-4":
+        app.go(STEP_S, Text(letter))
+    app.go(0.1)
+    app.key("enter")
+    app.go(4.0)
+    (hit,) = app.search.hits
+    assert app.navigator.pose == hit.pose(app.ground.below)
+
+
 def test_letters_typed_into_a_field_are_no_commands(app: Flown) -> None:
     visit(app, *FIND)
     app.click(*FIND)

@@ -437,4 +437,4 @@ def test_time_that_stood_still_moves_nothing() -> None:
     ball.nav.step(ball.now_s)
     assert ball.nav.pose == before
     jump = ball.nav.step(ball.now_s + 3600)
-    assert distance_m(replace(jump, height_m=before.height_m), eye_of(before)) < 1e3
+    assert distance_m(replace(jump, height_m=before.height_m), eye_of(before)) < 2e3

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
+import csv
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geopage.settings import MIB, REPLAYED
 from tests.geopage.worlds import deep_globe, object_records, write_store
 from tiles.errors import InputError
+from viewer.camera_path import read_path
 from viewer.cli_replay import replay
 
 KEYS = [(0.0, 1e6), (1.0, 2e4), (2.0, 300.0)]
@@ -70,12 +74,59 @@ def test_a_slower_line_carries_less_and_shows_less(
         assert one["bytes_read"] <= 2.0 * rate + 200  # type: ignore[operator]
 
 
-def test_a_table_has_a_line_for_each_policy_and_throttle(
-    flight: list[str], capsys: pytest.CaptureFixture[str]
+def test_a_table_has_a_line_for_each_policy_and_throttle_and_then_the_leads(
+    flight: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert replay([*flight, "--policy", "demand,mmr", "--times", "0.5,2"]) == 0
+    words = ["--policy", "benefit,demand,oracle", "--times", "0.3,2"]
+    chart = tmp_path / "chart.svg"
+    assert replay([*flight, *words, "--chart", str(chart)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["policy", *["demand", "mmr"] * 2]
+    begin = [line.split()[0] for line in lines]
+    assert begin == ["policy", *["benefit", "demand", "oracle"] * 2, "at", "at"]
+    within = {line.split()[0]: float(line.split()[2].rstrip("%")) for line in lines[1:4]}
+    lead = within["benefit"] - within["demand"]
+    assert f"{lead:+.1f} points to demand" in lines[7]
+    assert within["oracle"] - 3 <= within["benefit"] >= within["demand"]
+    assert all(f"<!-- {name} -->" in chart.read_text() for name in within)
+
+
+def test_a_trace_has_a_line_for_each_tile_that_was_loaded(
+    flight: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [*flight, "--throttle", "0.005,10", "--out", str(tmp_path)]
+    (found,) = runs(words, capsys)
+    with (tmp_path / "trace.csv").open(newline="") as file:
+        tiles = list(csv.DictReader(file))
+    there = [tile for tile in tiles if tile["uploaded_s"]]
+    assert abs(len(there) - int(str(found["tiles_loaded"]))) <= 8
+    for tile in there:
+        times = [float(tile[name]) for name in ("asked_s", "taken_s", "decoded_s")]
+        assert times == sorted(times)
+        assert float(tile["decoded_s"]) <= float(tile["uploaded_s"])
+    late = [tile for tile in there if float(tile["late_ms"]) > 1]
+    assert len(late) == found["prediction"]["tiles_late"]  # type: ignore[index]
+    page = (tmp_path / "index.html").read_text()
+    assert "trace.svg" in page
+    assert (tmp_path / "trace.svg").is_file()
+
+
+def test_a_recorded_flight_is_paged_like_its_path(
+    flight: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = read_path(Path(flight[1]))
+    lines = ["t_s,lat_deg,lon_deg,height_m,heading_deg,pitch_deg"]
+    for i in range(121):
+        pose = path.pose_at(i / 60)
+        angles = pose.lat_rad, pose.lon_rad, pose.heading_rad, pose.pitch_rad
+        lat, lon, heading, pitch = np.degrees(angles).tolist()
+        values = i / 60, lat, lon, pose.height_m, heading, pitch
+        lines.append(",".join(map(repr, values)))
+    frames = tmp_path / "frames.csv"
+    frames.write_text("\n".join(lines) + "\n")
+    (of_path,) = runs(flight, capsys)
+    (of_frames,) = runs([flight[0], str(frames)], capsys)
+    assert of_frames["bytes_read"] == of_path["bytes_read"]
+    assert of_frames["share_frames_within"] == of_path["share_frames_within"]
 
 
 @pytest.mark.parametrize(

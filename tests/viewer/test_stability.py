@@ -97,17 +97,22 @@ def fixed_threshold(patch: Patch) -> None:
     patch.setattr(MemoryPressure, "update", lambda pressure, needed_bytes, view: False)
 
 
-def slow_clock(patch: Patch) -> None:
-    """The flight seems to be twenty times as fast as it is, over a slow line."""
-    whole = lanes.to_and_fro
+def lost_by_prediction(patch: Patch) -> None:
+    def page(_: Place, path: lanes.Path, *__: Any) -> lanes.Seen:
+        return lanes.Seen(missing=2.0 if path(1.0).t_s else 1.0)
 
-    def path(place: Place, speed_m_s: float, *, predicts: bool) -> lanes.Path:
-        own = whole(place, speed_m_s, predicts=predicts)
-        return lambda t_s: replace(view := own(t_s), t_s=view.t_s / 20)
+    patch.setattr(lanes, "page", page)
 
-    patch.setattr(lanes, "to_and_fro", path)
-    patch.setattr(lanes, "SPEED_M_S", 300.0)
-    patch.setattr(lanes, "LINE_MIB_S", 0.3)
+
+def one_tile(patch: Patch) -> None:
+    whole = Place.select
+
+    def first(self: Place, view: ViewState, threshold_px: float) -> DrawList:
+        drawn = whole(self, view, threshold_px)
+        parts = drawn.terrain[:1], drawn.skirt_m[:1], drawn.stand_in[:1]
+        return replace(drawn, terrain=parts[0], skirt_m=parts[1], stand_in=parts[2])
+
+    patch.setattr(Place, "select", first)
 
 
 def level_alone(patch: Patch) -> None:
@@ -153,6 +158,7 @@ BREAK: dict[str, Callable[[Patch], None]] = {
     "float32 jitter at 2 m": lambda p: p.setattr(floats, "JITTER_PX", 0.0),
     "int16 quantisation": lambda p: p.setattr(floats, "STEPS_OF_LEAF", 1e9),
     "depth at 100 km": lambda p: p.setattr(depth, "FOCAL_PX", 1e12),
+    "odd pictures": one_tile,
     "cracks": no_skirts,
     "poles, holes": no_skirts,
     "antimeridian": no_skirts,
@@ -163,7 +169,7 @@ BREAK: dict[str, Callable[[Patch], None]] = {
     "slow storage": slow_line,
     "starvation": slow_line,
     "thrash": fixed_threshold,
-    "overshoot": slow_clock,
+    "overshoot": lost_by_prediction,
     "field of view, ground": flat_lens,
     "field of view, buildings": near_sighted,
     "aspect, buildings": near_sighted,

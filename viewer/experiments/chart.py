@@ -8,7 +8,7 @@ import numpy as np
 
 from tiles.frames import Floats
 from viewer.bench_chart import apart
-from viewer.charts import COLOURS, plain_ticks, pyplot, save
+from viewer.charts import COLOURS, pyplot, save
 from viewer.experiments.rows import Chart, Series
 
 SIZE = (8.6, 4.4)
@@ -28,7 +28,7 @@ def draw(chart: Chart, folder: Path, note: str) -> Path:
     plt = pyplot(folder)
     figure, axes = plt.subplots(figsize=SIZE)
     room = min(0.34, 0.03 + 0.0095 * max(len(one.label) for one in chart.series))
-    figure.subplots_adjust(left=0.09, right=0.98 - room, top=0.9, bottom=0.2)
+    figure.subplots_adjust(left=0.115, right=0.98 - room, top=0.9, bottom=0.2)
     if chart.bars:
         _bars(axes, chart)
     else:
@@ -86,17 +86,20 @@ def _values(one: Series, *, is_log: bool) -> Floats:
 
 
 def _plain(axes: Any, chart: Chart) -> None:
-    if chart.log_x and chart.log_y:
-        plain_ticks(axes)
-        return
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415
 
-    axis = axes.xaxis if chart.log_x else axes.yaxis
-    low, high = axis.get_view_interval()
-    subs = (1.0,) if high / low > 1e3 else (1.0, 2.0, 5.0)
-    axis.set_major_locator(LogLocator(subs=subs, numticks=12))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: _plainly(value)))
-    axis.set_minor_formatter(NullFormatter())
+    for axis, is_log in ((axes.xaxis, chart.log_x), (axes.yaxis, chart.log_y)):
+        if is_log:
+            low, high = axis.get_view_interval()
+            subs = (1.0,) if high / low > 1e3 else (1.0, 2.0, 5.0)
+            axis.set_major_locator(LogLocator(subs=subs, numticks=12))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: _plainly(value)))
+            axis.set_minor_formatter(NullFormatter())
+
+
+def _in_two(name: str) -> str:
+    """Break a name at its comma, or else at its first space."""
+    return name.replace(", ", ",\n", 1) if ", " in name else name.replace(" ", "\n", 1)
 
 
 def _plainly(value: float) -> str:
@@ -140,7 +143,7 @@ def _bars(axes: Any, chart: Chart) -> None:
     if chart.log_y:
         axes.set_yscale("log")
         _plain(axes, chart)
-    axes.set_xticks(place, [name.replace(" ", "\n", 1) for name in chart.bars], fontsize=8)
+    axes.set_xticks(place, [_in_two(name) for name in chart.bars], fontsize=8)
     axes.grid(visible=False, axis="x")
     axes.set_xlim(-0.5, len(place) - 0.5)
     _labels(axes, ends)

@@ -151,8 +151,8 @@ def _reads(
     low, high = (f([row[1] for row in shares]) for f in (min, max))
     found.says.append(
         f"Complement search reads {low:.0f} to {high:.0f} % of what box searches read for"
-        " a query; the paper has 9 to 22 %. Per query flatters it: it also asks more often,"
-        " as the rows of whole sessions show."
+        " a query; the paper has 9 to 22 %. Per query flatters it where it also asks"
+        " more often: see the rows of whole sessions."
     )
     worse = [
         walk.name
@@ -162,11 +162,12 @@ def _reads(
         if one.bytes_read > best.box_reads * STORED_BYTES
     ]
     if worse:
+        index_mb = paged[OWN[1]][0][0].index_bytes / 1e6
         found.says.append(
-            "geopage reads more boxes than REVIEW's best way when "
-            + ", ".join(worse)
-            + ": its index takes a quarter of the 20 MB, and it holds little of what is out"
-            " of view, so a turn of the head reads again what was let go."
+            f"geopage ({OWN[1]}) reads more boxes than REVIEW's best way in"
+            f" {len(worse)} of {len(scene.walks)} sessions ({', '.join(worse)}): its index"
+            f" takes {index_mb:.1f} MB of the 20, it asks for whole tiles, and earlier than"
+            " they come into view, and it keeps little of what is out of view."
         )
 
 

@@ -20,6 +20,7 @@ ALONE, ALL, ONE, LEVELS = (
 )
 METHODS = (ALONE, ALL, ONE, LEVELS)
 PAPER_FPS = {ALONE: 17.5, ALL: 7.0}
+HIDING = " (more than all: low down they hide ground that is dearer to shade)"
 CLOCK = "another machine: only ratios compare"
 
 
@@ -185,7 +186,8 @@ def _say(found: Found, towns: Sequence[Town]) -> None:
 
     found.says.append(
         "The paper's 471 buildings cost its machine 60 % of its speed. Here"
-        f" {few.buildings:,} buildings without any hierarchy leave {kept(few):.0f} %, and"
+        f" {few.buildings:,} buildings without any hierarchy leave {kept(few):.0f} %"
+        f"{HIDING if kept(few) > 100 else ''}, and"
         f" {many.buildings:,} leave {kept(many):.0f} %: a processor of today draws a few"
         " thousand plain triangles in no time, so their case only returns with many more"
         " buildings."

@@ -27,7 +27,7 @@ class Flown:
     """after that"""
     tiles_read: int = 0
     missing: list[int] = field(default_factory=list)
-    """tiles that each view needs and has not"""
+    """tiles that each view lacks"""
     raised: list[float] = field(default_factory=list)
     """what the thresholds were multiplied by, for want of memory"""
     peak_bytes: int = 0
@@ -55,7 +55,7 @@ class Flyer(Paging):
                     start_s = self.begin(view)
                     before = pager.counters
                 drawn = self.frame(view)
-                found.missing.append(sum(self.missing(view)))
+                found.missing.append(self.lacking(drawn, view))
                 found.raised.append(drawn.object_threshold_px / most_px)
                 if look:
                     look(i, drawn, view)
@@ -76,6 +76,13 @@ class Flyer(Paging):
                 break
             self.pager.advance(now_s, now_s + FIRST_STEP_S)
         return now_s
+
+    def lacking(self, drawn: DrawList, view: ViewState) -> int:
+        """Count ground tiles that are stood in for, and object tiles that are missing.
+
+        A list that draws finer ground than the view needs lacks nothing.
+        """
+        return int(drawn.stand_in.sum()) + self.missing(view)[1]
 
     def held(self, lane: Lane) -> Ints:
         """Return the rows of the tiles that can be drawn now."""

@@ -85,7 +85,7 @@ def counted(rows: Sequence[Row]) -> str:
     words = [f"{count[word]} {word}" for word in VERDICTS if count[word]]
     none = sum(row.ours is None for row in rows)
     told = f"Rows that compare: {', '.join(words)}. " if words else "No row compares. "
-    return told + (f"{none} could not be had here." if none else "")
+    return (told + (f"{none} could not be had here." if none else "")).strip()
 
 
 def as_markdown(parts: Sequence[Part], about: Json) -> str:
@@ -97,7 +97,7 @@ def as_markdown(parts: Sequence[Part], about: Json) -> str:
     for part in parts:
         rows = part.found.rows
         lines += ["", f"## {part.key}: {part.title}", "", f"{part.paper}. {part.about}", ""]
-        lines += [*part.found.says, "", counted(rows), ""]
+        lines += [*(f"- {text}" for text in part.found.says), "", counted(rows), ""]
         lines += ["| condition | quantity | paper | ours | | note |"]
         lines += ["| --- | --- | ---: | ---: | --- | --- |"]
         lines += [

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which experiments there are, and running them one after the other."""
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -139,6 +140,7 @@ def about_of(setting: Setting, keys: Sequence[str]) -> Json:
         "command": f"geopage experiments --out DIR{only}{quick}",
         "machine": f"{where['cpu']}, {where['cores']} cores",
         "gl_renderer": renderer() if {*keys} & {*DRAWING} else "none used",
+        "load": f"{os.getloadavg()[0]:.1f} when it began, of all work on the machine",
         "python": where["python"],
         "commit": commit() or "unknown",
     }

@@ -143,7 +143,7 @@ def fly_down(
     def look(i: int, drawn: DrawList, view: ViewState) -> None:
         nonlocal is_whole
         if i >= count:
-            is_whole = flyer.missing(view) == (0, 0)
+            is_whole = flyer.lacking(drawn, view) == 0
             found.stall_s = (i - count) * step_s
         elif i % LOOK_EVERY == 0:
             found.error_px.append(flyer.error_px(drawn, view))

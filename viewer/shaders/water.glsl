@@ -9,7 +9,7 @@ float mirrored(float mu) {
 
 const vec3 MIRRORED_SKY = vec3(0.30, 0.46, 0.68);
 const float SLOPES = 0.02;  // mean square of the slopes
-const vec3 GLINT = vec3(17.0, 16.2, 15.0);
+const vec3 GLINT = vec3(11.0, 10.6, 9.8);
 
 vec3 glint(float near, float rise, float mu) {
     // A wave mirrors the sun when it faces halfway between the sun and the eye: a slope

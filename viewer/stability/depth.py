@@ -94,8 +94,10 @@ def separation(place: Place, away_m: float) -> Finding:
     depths.release()
     others_m = [standard_gap_m(d) for d in tried_m]
     most_m = max(others_m)
-    note = "worst practical: the width of one pixel at that distance; standard depth needs"
-    note += f" {most_m:,.2g} m" if most_m < FAR_M else " more than there is"
+    note = "the worst practical case is the width of one pixel at that distance; standard"
+    note += (
+        f" depth needs {most_m:,.2g} m" if most_m < FAR_M else " depth tells nothing apart"
+    )
     lost = sum(gap_m > pixel_m for gap_m in others_m)
     return Finding(pixel_m, wrong, max(gaps_m), others=lost, note=note)
 

@@ -103,7 +103,7 @@ def jitter(place: Place, away_m: float) -> Finding:
         lambda r: gpu.worst_px(r, away_m)[0] <= JITTER_PX, 1.0, FARTHEST_M, 20
     )
     gpu.release()
-    note = "worst practical: the largest tile of the store's deepest level"
+    note = "the worst practical case is the largest tile of the store's deepest level"
     return Finding(near, ours, breaks_m, FARTHEST_M, naive, note)
 
 
@@ -117,7 +117,8 @@ def trembling_ground(place: Place) -> Finding:
         lambda d: gpu.worst_px(radius_m, d)[0] <= JITTER_PX, FARTHEST_M, WALK_M, 20
     )
     gpu.release()
-    note = f"the leaf's radius is {radius_m / 1e3:,.0f} km; what trembles is as coarse"
+    note = f"the leaf's radius is {radius_m / 1e3:,.0f} km: ground whose posts are far"
+    note += " apart trembles under an eye that is close to it"
     return Finding(WALK_M, ours, breaks_m, WALK_M, naive, note)
 
 

@@ -139,7 +139,44 @@ def has_hole(place: Place, spot: tuple[float, float], above_m: float, cell: Ints
     return False
 
 
+def odd_pictures(place: Place) -> Finding:
+    """Draw slimmer and slimmer pictures, of wide and narrow views: none has a hole."""
+    count = place.count(12, 4)
+
+    def bad(ratio: float) -> int:
+        sizes = (round(LINES * ratio), LINES), (LINES, round(LINES * ratio))
+        return sum(holes_in(place, size_px, count) for size_px in sizes)
+
+    breaks = first_bad(lambda ratio: bad(ratio) == 0, SLIM, SLIMMEST, place.count(5, 2))
+    note = f"fields of view from {FIELDS_DEG[0]:g} to {FIELDS_DEG[1]:g} degrees"
+    found = Finding(SLIM, bad(SLIM), breaks, SLIMMEST, note=note)
+    place.session.renderer.resize(SIZE_PX)
+    return found
+
+
+def holes_in(place: Place, size_px: tuple[int, int], count: int) -> int:
+    """Return how many of some pictures of a size have a hole."""
+    rng, found = np.random.default_rng(10), 0
+    place.session.renderer.resize(size_px)
+    for _ in range(count):
+        lon, lat = place.fine_spot(rng)
+        height_m = place.session.surface.height_at(lon, lat) + 10.0 ** rng.uniform(1, 6)
+        pose = Pose(lon, lat, height_m, rng.uniform(0, 6), rng.uniform(-1.5, 0))
+        view = view_state(pose, size_px, math.radians(rng.uniform(*FIELDS_DEG)))
+        found += place.holes(place.select(view, 4.0), view) > 0
+    return found
+
+
+LINES, SLIM, SLIMMEST, FIELDS_DEG = 24, 32 / 9, 300.0, (2.0, 150.0)
 ROWS = (
+    Row(
+        "odd pictures",
+        "ground is missing at the ends of a very wide or very high picture",
+        "longer side / shorter side of the picture",
+        "pictures with a hole in the ground",
+        0.0,
+        odd_pictures,
+    ),
     Row(
         "horizon",
         "mountains behind the horizon are missing: a test of tiles' middles at sea level",

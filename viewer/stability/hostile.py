@@ -60,7 +60,7 @@ def paths(_: Place) -> Finding:
             file.write_text(text)
             accepted += is_read(file)
             naive += is_json(text)
-    note = "others: paths that a JSON reader takes as they are"
+    note = "others: what a JSON reader takes as it is"
     return Finding(float(len(texts)), accepted, math.nan, float(len(texts)), naive, note)
 
 

@@ -84,7 +84,7 @@ def above(place: Place, above_m: float, t_s: float, east_rad: float = 0.0) -> Vi
 
 def slow(place: Place) -> Finding:
     """Fall with a line that gets slower and slower."""
-    seconds = place.count(12, 6)
+    seconds = place.count(8, 4)
 
     def worst_s(rate: float, policy: str = "benefit") -> float:
         throttle = Throttle(rate, LATENCY_MS)
@@ -92,7 +92,7 @@ def slow(place: Place) -> Finding:
         seen = page(place, fly_in(place, seconds), seconds, settings)
         return seen.longest_s(2 * THRESHOLD_PX)
 
-    breaks = first_bad(lambda r: worst_s(r) <= STALL_S, LINE_MIB_S, 0.05, place.count(6, 3))
+    breaks = first_bad(lambda r: worst_s(r) <= STALL_S, LINE_MIB_S, 0.05, place.count(5, 3))
     note = f"a fall from 3,000 km to 100 m in {seconds} s, {LATENCY_MS:g} ms a tile"
     ours, others = worst_s(LINE_MIB_S), worst_s(LINE_MIB_S, "demand")
     return Finding(LINE_MIB_S, ours, breaks, 0.05, others, note)
@@ -115,7 +115,8 @@ def starved(place: Place) -> Finding:
     breaks = first_bad(
         lambda r: worst_s(r) <= IDLE_S, STARVED_MIB_S, 0.02, place.count(6, 3)
     )
-    return Finding(STARVED_MIB_S, worst_s(STARVED_MIB_S), breaks, 0.02)
+    note = f"after a jump to 300 m above the city, {LATENCY_MS:g} ms a tile"
+    return Finding(STARVED_MIB_S, worst_s(STARVED_MIB_S), breaks, 0.02, note=note)
 
 
 IDLE_S, STARVED_MIB_S = 1.0, 1.0

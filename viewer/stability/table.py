@@ -135,9 +135,18 @@ def as_markdown(lines: Sequence[Line], about: Json) -> str:
         "\n".join(f"- {key.replace('_', ' ')}: {value}" for key, value in about.items()),
         "\n".join(["| " + " | ".join(row) + " |" for row in _table(lines)]),
         "## What fails in others, and notes",
-        "\n".join(f"- **{row.name}**: {_remark(row, found)}" for row, found in lines),
+        "\n".join(f"- **{names}**: {words}" for words, names in _remarks(lines).items()),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _remarks(lines: Sequence[Line]) -> dict[str, str]:
+    """Return what is said of rows, and which rows it is said of."""
+    found: dict[str, str] = {}
+    for row, finding in lines:
+        words = _remark(row, finding)
+        found[words] = f"{found[words]}; {row.name}" if words in found else row.name
+    return found
 
 
 def _table(lines: Sequence[Line]) -> list[Sequence[str]]:
