@@ -10,7 +10,8 @@ from viewer.charts import COLOURS, pyplot, save
 
 REFERENCE = "oracle"
 OURS = "benefit"
-MARKERS = "osD^vPX<>"
+OTHERS = (*COLOURS[1:], "#555555", "#8c564b", "#332288", "#999933")
+MARKERS = "sD^vPX<>h"
 STEP = 0.05
 Json = dict[str, Any]
 
@@ -61,8 +62,8 @@ def style_of(names: Sequence[str], name: str) -> Json:
         return {"color": COLOURS[0], "lw": 3.0, "marker": "o", "zorder": 4}
     others = [other for other in names if other not in {OURS, REFERENCE}]
     i = others.index(name)
-    colour = COLOURS[1 + i % (len(COLOURS) - 1)]
-    return {"color": colour, "lw": 1.4, "marker": MARKERS[1 + i], "ms": 5, "zorder": 3}
+    colour, marker = OTHERS[i % len(OTHERS)], MARKERS[i % len(MARKERS)]
+    return {"color": colour, "lw": 1.4, "marker": marker, "ms": 5, "zorder": 3}
 
 
 def _panel(axes: Any, runs: Sequence[Json]) -> None:
