@@ -72,6 +72,7 @@ class Fitting:
         self._meshing = Meshing(cell, places, upright=leaf)
         self._truths = truths
         self._gaps: Gaps | None = None
+        self._closes = leaf and len(truths) == 1 and not at_pole(cell)
         self._windows = [window_in(cell, one.cell) for one in truths]
         self.slack_m = max(truth.slack_m for truth in truths)
 
@@ -92,6 +93,7 @@ class Fitting:
     def take_all(self) -> None:
         """Insert all places."""
         self._meshing.refine_wholly()
+        self._closes = False  # hardly anything is left to find
 
     def within(self, bound_m: float, rounds: int) -> Fitted:
         """Mesh, measure and mend until the bound is kept, or after some rounds."""
@@ -117,7 +119,7 @@ class Fitting:
 
     def _insert(self, goal_m: float) -> float:
         """Insert places; returns an error that is kept between them, m, if it knows."""
-        if not self._leaf or len(self._truths) > 1 or at_pole(self._cell):
+        if not self._closes:
             self._meshing.refine(goal_m)
             return np.inf
         one = self._truths[0]

@@ -46,8 +46,9 @@ def laddered(
     """Mesh a leaf as `fitted` does, and its rungs on the way.
 
     Errors to reach are the parent's bound, or what is left of it on gentle ground, and
-    half of that: the bound of an inner cell of the leaf's size. A rough leaf, which
-    takes most posts, starts again after its rungs: it has no use for places between posts.
+    half of that: the bound of an inner cell of the leaf's size; of a rough leaf, which
+    takes most posts, the latter alone. It starts again after its rung: it has no use for
+    places between posts.
 
     Returns
     -------
@@ -60,7 +61,8 @@ def laddered(
     fitting = Fitting(cell, places, truths, leaf=True)
     rough, posts = fitting.roughness(bound_m) > ROUGH, 2 * len(places.at)
     made: list[Rung] = []
-    goals_m = [most_m, most_m / 2]
+    # One rung where leaves are rough: each costs most there.
+    goals_m = [most_m / 2] if rough else [most_m, most_m / 2]
     for goal_m in goals_m:
         if goal_m < LEAST * bound_m:
             break

@@ -5,9 +5,10 @@ A step does all of it once, by the caller's clock. Where nothing changes, nothin
 drawn, nothing is told to the pager, and the loop waits for the next event.
 """
 
+import math
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from geopage.draw_list import DrawList
 from geopage.view import ViewState
@@ -16,13 +17,14 @@ from tiles.frames import Ecef
 from viewer import gil
 from viewer.app_actions import Actions
 from viewer.app_film import Filming
+from viewer.app_hud import Hud
 from viewer.app_input import Input
 from viewer.app_paging import Told
 from viewer.app_record import Recorder, Replayer
 from viewer.app_search import Search
-from viewer.app_state import AppState
+from viewer.app_state import MESSAGE_S, AppState
 from viewer.camera import Pose, unproject
-from viewer.events import Event, MouseMove
+from viewer.events import Event, Key, MouseButton, MouseMove, Wheel
 from viewer.flight import FRAME_S, UPLOAD_BYTES, UPLOAD_S
 from viewer.frame_stats import FrameStats
 from viewer.ground import Ground
@@ -45,20 +47,9 @@ MOVING_SHARE, RESTING_SHARE = 0.1, 0.5
 EXTRA_FRAMES = 6
 """The HUD settles in so many frames after an event."""
 WATCH_S = 2.0
-WELCOME, WELCOME_S = "drag turns, wheel zooms, double click flies there", 20.0
-
-
-class Hud(Protocol):
-    """Panels over the picture."""
-
-    def take(self, events: list[Event]) -> list[Event]:
-        """Take what concerns the panels; returns the other events."""
-
-    def draw(self, app: "App", now_s: float) -> None:
-        """Draw the panels into the window, and do what a person does with them."""
-
-    def close(self) -> None:
-        """Free everything."""
+REST_S = 0.3
+"""An eye that has not moved for so long rests: then detail may take its time."""
+WELCOME = "drag turns, wheel zooms, double click flies there"
 
 
 class App:
@@ -96,7 +87,11 @@ class App:
         """holds a frame rate, where one is wanted"""
         self.shot: Shot | None = None
         self.stats: FrameStats | None = None
-        self.now_s = 0.0
+        self.loading = True
+        """whether the view lacks something that is on its way"""
+        self.resting = False
+        """whether the eye has not moved for a moment"""
+        self._moved_s = self.now_s = 0.0
         self.told = Told(session.pager)
         self._extra = EXTRA_FRAMES
         self._still = False
@@ -111,7 +106,7 @@ class App:
         """Go on until the window is closed."""
         self.session.pager.view(self.navigator.view(0.0))
         self.session.pager.start()
-        self.state.say(WELCOME, 0.0, WELCOME_S)
+        self.state.say(WELCOME, math.inf)
         start = time.monotonic()
         with gil.interval(gil.KEEP_S):
             while not self.state.closing:
@@ -123,11 +118,17 @@ class App:
                     with gil.interval(gil.SHARE_S):
                         time.sleep(max(0.0, FRAME_S - (time.monotonic() - begun)))
 
-    def close(self) -> None:
-        """End what goes on beside the window."""
-        self.filming.close()
+    def close(self) -> list[str]:
+        """End what goes on beside the window; returns what to say about it."""
+        self.window.hide()
+        told = []
+        if self.recorder.on:
+            self.do.record()
+            told.append(self.state.message)
+        told += self.filming.close()
         if self.hud:
             self.hud.close()
+        return told
 
     def step(self, now_s: float, events: list[Event] | None = None) -> FrameStats | None:
         """Do everything once; returns figures where the world was drawn anew.
@@ -147,6 +148,8 @@ class App:
         if happened:
             moves = all(isinstance(event, MouseMove) for event in happened)
             self._extra = max(self._extra, 2 if moves else EXTRA_FRAMES)
+            if any(isinstance(event, MouseButton | Wheel | Key) for event in happened):
+                self.state.unsay(WELCOME)
         left = self.hud.take(happened) if self.hud and self.state.hud_visible else happened
         for event in left:
             self.input.handle(event)
@@ -160,6 +163,7 @@ class App:
         self.told.destination(self.navigator.destination, self.navigator.lens)
         self.recorder.step(self)
         self.filming.step(self)
+        self.do.step()
         if self.search.step():
             self._extra = EXTRA_FRAMES
         return self._show(happened)
@@ -184,6 +188,7 @@ class App:
         pager = self.session.pager
         drawn = pager.draw_list()
         self._feed(drawn, moved=moved)
+        self._rest(moved=moved)
         if not drawn.number:
             return None
         stats, new = None, self._is_new(drawn) or moved
@@ -208,6 +213,16 @@ class App:
         upload_s = max(UPLOAD_S, last_s * (MOVING_SHARE if moved else RESTING_SHARE))
         size_bytes = int(UPLOAD_BYTES * upload_s / UPLOAD_S)
         self.session.feeder.feed(drawn.number, size_bytes, upload_s)
+
+    def _rest(self, *, moved: bool) -> None:
+        """Note whether all is there, and give a resting eye all the detail asked for."""
+        if self.loading == self.session.pager.settled:
+            self.loading, self._extra = not self.loading, max(self._extra, 2)
+        if moved:
+            self._moved_s = self.now_s
+        self.resting = self.now_s - self._moved_s > REST_S
+        if self.governor:
+            self.governor.rest(on=self.resting)
 
     def _judge(self, view: ViewState, stats: FrameStats, frame_ms: float) -> None:
         self.state.frame_ms.append(frame_ms)
@@ -272,9 +287,13 @@ class App:
 
     # What can be done.
 
-    def say(self, message: str) -> None:
+    def say(self, message: str, for_s: float = MESSAGE_S) -> None:
         """Show a line for a while."""
-        self.state.say(message, self.now_s)
+        self.state.say(message, for_s)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw the panels anew."""
         self._extra = EXTRA_FRAMES
 
     def touch(self, x: float, y: float) -> Ecef | None:

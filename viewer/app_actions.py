@@ -9,12 +9,13 @@ from geopage.fields import attribute_names
 from geopage.selection import Thresholds
 from geopage.style import Style
 from tiles.errors import InputError
+from viewer.app_search import Hit
 from viewer.app_shot import Shot
 from viewer.bookmarks import Bookmark, bookmark_of, write_bookmarks
 from viewer.camera import Pose
 from viewer.camera_path import CameraPath, read_path
 from viewer.governor import Governor
-from viewer.pick import pick
+from viewer.pick import find_drawn, pick
 
 if TYPE_CHECKING:
     from viewer.app import App
@@ -28,11 +29,34 @@ class Actions:
     def __init__(self, app: "App") -> None:
         self._app = app
         self._fields: list[str] | None = None
+        self._sought: int | None = None
+        """id of a building to be marked as soon as it is drawn"""
 
     def fly_to(self, pose: Pose) -> None:
         """Fly somewhere by itself."""
         self._app.replayer.stop()
         self._app.navigator.fly_to(pose)
+
+    def go_to(self, hit: Hit) -> None:
+        """Fly to something found, and show a building's card as if it were clicked."""
+        self.fly_to(hit.pose(self._app.ground.below))
+        self.unpick()
+        if hit.number is None:
+            return
+        (one,) = self._app.session.store.objects([hit.number])
+        height_m = one["base_m"] + one["height_m"]
+        place = {key: one[key] for key in ("lat_deg", "lon_deg")} | {"height_m": height_m}
+        self._app.state.picked = place | {"kind": "building", "object": one}
+        self._sought = hit.number
+
+    def step(self) -> None:
+        """Mark the building that was flown to, once it is drawn."""
+        app = self._app
+        if self._sought is None or app.drawn is None or app.loading or not app.resting:
+            return
+        found = find_drawn(app.session, app.drawn, self._sought)
+        self._sought = None
+        app.state.overlay = replace(app.state.overlay, picked=found)
 
     def approach(self, x: float, y: float) -> None:
         """Fly to what is drawn at a pixel."""
@@ -48,6 +72,7 @@ class Actions:
             if (point := self._app.touch(x, y)) is not None:
                 state.points = [*state.points, point] if len(state.points) < 2 else [point]
             return
+        self._sought = None
         found = pick(self._app.session, self._app.drawn, (int(x), int(y)))
         if found["kind"] == "ground":  # what is drawn may be coarse here
             place = math.radians(found["lon_deg"]), math.radians(found["lat_deg"])
@@ -64,6 +89,7 @@ class Actions:
 
     def unpick(self) -> None:
         """Forget what was clicked."""
+        self._sought = None
         self._app.state.picked = None
         self._app.state.overlay = replace(self._app.state.overlay, picked=None)
 

@@ -54,8 +54,15 @@ class Command:
     """again and again while the key is down"""
 
 
+TAB = "Tab shows the panels again"
+
+
 def _toggle_hud(app: "App") -> None:
     app.state.hud_visible = not app.state.hud_visible
+    if app.state.hud_visible:
+        app.state.unsay(TAB)
+    else:
+        app.say(TAB)
 
 
 def _toggle_help(app: "App") -> None:
@@ -94,12 +101,22 @@ def _quit(app: "App") -> None:
 
 
 def _escape(app: "App") -> None:
-    """Close what is open on top, or else the window."""
+    """End what is on top, or else close the window."""
     state = app.state
     if state.help_visible:
         state.help_visible = False
+    elif app.search.hits or app.search.message:
+        app.search.ask("")
     elif state.measuring:
         app.do.measure(on=False)
+    elif state.picked:
+        app.do.unpick()
+    elif app.replayer.on:
+        app.replayer.stop()
+    elif app.recorder.on:
+        app.do.record()
+    elif app.window.is_fullscreen:
+        app.window.toggle_fullscreen()
     else:
         state.closing = True
 

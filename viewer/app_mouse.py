@@ -10,7 +10,11 @@ DOUBLE_PX, DOUBLE_S = 8.0, 0.6
 
 
 class Clicks:
-    """Turns presses and releases of the left button into clicks."""
+    """Turns presses and releases of the left button into clicks.
+
+    Frames may take longer than the time between two clicks: the time in which nobody
+    listened does not count.
+    """
 
     def __init__(self) -> None:
         self._down: MouseButton | None = None
@@ -26,7 +30,7 @@ class Clicks:
         last, self._last, self._down = self._last, event, event
         is_double = (
             last is not None
-            and event.t_s - last.t_s < DOUBLE_S
+            and event.t_s - event.late_s - last.t_s < DOUBLE_S
             and _away_px(last, event) < DOUBLE_PX
         )
         if is_double:
@@ -38,7 +42,7 @@ class Clicks:
         down, self._down = self._down, None
         return (
             down is not None
-            and event.t_s - down.t_s < CLICK_S
+            and event.t_s - event.late_s - down.t_s < CLICK_S
             and _away_px(down, event) <= CLICK_PX
         )
 

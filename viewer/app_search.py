@@ -12,6 +12,7 @@ from tiles.errors import InputError
 from tiles.store import Store
 from viewer.camera import Pose
 from viewer.navigation_arc import GroundBelow
+from viewer.places import Place, named_like, places_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,6 +42,7 @@ NAMES = (
 class Hit:
     """Something found."""
 
+    name: str
     label: str
     lon_deg: float
     lat_deg: float
@@ -48,6 +50,8 @@ class Hit:
     """height above ground from which to look"""
     straight: bool = False
     """look straight down"""
+    number: int | None = None
+    """id of the object that it is"""
 
     def away(self, pose: Pose) -> float:
         """Return how far it is from below a pose, as a cosine: -1 is there."""
@@ -73,7 +77,11 @@ class Search:
         self._store = store
         self._parts: Iterator[list[int]] | None = None
         self._near: Pose | None = None
+        self.sources = [hit_of_source(one) for one in places_of(store)]
+        """where the store's data are"""
         self.hits: list[Hit] = []
+        self._first: list[Hit] = []
+        """sources of the name that is looked for; they stand before all others"""
         self.message = ""
 
     @property
@@ -90,6 +98,10 @@ class Search:
         if (place := place_of(words)) is not None:
             self.hits = [place]
             return
+        if PLACE.fullmatch(words):
+            self.message = "latitude is -90 to 90, longitude -180 to 360"
+            return
+        self._first = [hit for hit in self.sources if named_like(hit.name, words)]
         try:
             self._parts = find_in_parts(self._store, words)
         except InputError as error:
@@ -112,8 +124,14 @@ class Search:
         self._parts = None
         if (near := self._near) is not None:
             self.hits.sort(key=lambda hit: hit.away(near))
-        count = f"{len(self.hits)} found" if self.hits else "nothing found"
-        self.message = f"the first {MOST}" if more else count
+        self.hits = self._first + self.hits
+        if self.hits:
+            count = f"{len(self.hits)} found"
+            found = f"the first {len(self.hits)}" if more else count
+            self.message = f"{found}: click one to fly there"
+        else:
+            names = ", ".join(one.name for one in self.sources)
+            self.message = f"nothing found; there is {names}"
 
 
 def place_of(words: str) -> Hit | None:
@@ -125,13 +143,21 @@ def place_of(words: str) -> Hit | None:
     if not (-90 <= lat <= 90 and -180 <= lon <= 360):
         return None
     above_m = float(form[3]) if form[3] else NEAR_M
-    return Hit(f"{lat:g}, {lon:g}", lon, lat, max(above_m, 2.0), straight=True)
+    name = f"{lat:g}, {lon:g}"
+    return Hit(name, name, lon, lat, max(above_m, 2.0), straight=True)
 
 
 def hit_of(found: dict[str, Any]) -> Hit:
     """Return an object of the store as a hit."""
     lat, lon, above_m = (float(part) for part in view_of(found).split(","))
-    return Hit(title_of(found), lon, lat, above_m)
+    title = title_of(found)
+    return Hit(title, title, lon, lat, above_m, number=int(found["id"]))
+
+
+def hit_of_source(place: Place) -> Hit:
+    """Return a source of the store as a hit."""
+    label = f"{place.name} ({place.about})"
+    return Hit(place.name, label, place.lon_deg, place.lat_deg, place.above_m, straight=True)
 
 
 def title_of(found: dict[str, Any]) -> str:

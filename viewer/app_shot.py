@@ -30,14 +30,16 @@ class Shot:
         self._waits = not app.state.frozen  # a frozen selection is what is wanted
         if self._waits:
             app.session.pager.view(self._view(app))
-        app.say(f"picture of {self._size_px[0]} x {self._size_px[1]}: loading")
+        self._late = False
+        text = f"picture of {self._size_px[0]} x {self._size_px[1]}: loading"
+        app.say(text, 2 * LONGEST_S)
 
     def step(self, app: "App") -> bool:
         """Take the picture when it is time; says whether that is over."""
         pager = app.session.pager
         self._still = self._still + 1 if pager.settled else 0
-        late = app.now_s - self._began_s > LONGEST_S
-        if self._waits and self._still < 3 and not late:
+        self._late = self._still < 3 and app.now_s - self._began_s > LONGEST_S
+        if self._waits and self._still < 3 and not self._late:
             return False
         self._take(app)
         return True
@@ -62,7 +64,8 @@ class Shot:
         except ImportError:
             app.say("pictures need Pillow: pip install 'geopage[report]'")
         else:
-            app.say(f"picture saved: {file}")
+            partly = ", not everything was there" if self._late and self._waits else ""
+            app.say(f"picture saved{partly}: {file}")
         finally:
             app.set_size(size)
             app.told.again()

@@ -49,19 +49,27 @@ class AppState:
     closing: bool = False
     message: str = ""
     frame_ms: deque[float] = field(default_factory=lambda: deque(maxlen=GRAPH_FRAMES))
-    _message_ends_s: float = 0.0
+    _message_s: float = 0.0
+    _message_ends_s: float | None = None
 
     @property
     def budget_ms(self) -> float:
         """The time that a frame may take."""
         return 1000 / self.fps if self.fps else FRAME_MS
 
-    def say(self, message: str, now_s: float, for_s: float = MESSAGE_S) -> None:
-        """Show a line for a while."""
-        self.message, self._message_ends_s = message, now_s + for_s
+    def say(self, message: str, for_s: float = MESSAGE_S) -> None:
+        """Show a line for a while, from the next step on: this one may take seconds."""
+        self.message, self._message_s, self._message_ends_s = message, for_s, None
+
+    def unsay(self, message: str) -> None:
+        """Let a line go at the next step, if it is shown."""
+        if self.message == message:
+            self._message_ends_s = 0.0
 
     def forget(self, now_s: float) -> bool:
         """Take the line away when it was long enough there; says whether it did."""
+        if self._message_ends_s is None:
+            self._message_ends_s = now_s + self._message_s
         if not self.message or now_s < self._message_ends_s:
             return False
         self.message = ""

@@ -20,7 +20,7 @@ from geopage.view import ViewState
 from tiles.errors import InputError
 from tiles.lanes import Lane
 from tiles.source_posts import terrain_sources
-from viewer.accuracy import Judge, Judged, Tally, seen_in, without_objects
+from viewer.accuracy import Judge, seen_in, without_objects
 from viewer.bench_stage import Stages
 from viewer.flip import F4, Prepared, compare, prepare
 from viewer.frame_stats import FrameStats
@@ -28,6 +28,7 @@ from viewer.geometric_error import NOT_COMPARED, FrameError, Hits, reference
 from viewer.key_frames import MOST_POSTS, WIDTH_PX, thinned
 from viewer.popping import popping
 from viewer.session import Session
+from viewer.tally import Judged, Tally
 
 Json = dict[str, Any]
 Rgb = NDArray[np.uint8]

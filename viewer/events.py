@@ -30,7 +30,9 @@ class MouseButton:
     down: bool
     shift: bool = False
     t_s: float = 0.0
-    """on the clock of the steps, to tell a double click"""
+    """when it was heard of, to tell a double click"""
+    late_s: float = 0.0
+    """it may have happened so much earlier: nobody listened meanwhile"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,7 @@ class Governor:
         self._pager = session.pager
         self._forecast = Forecast(session.pager, session.renderer)
         self._own_ms = 0.0
+        self._resting = False
         self._views: deque[ViewState] = deque(maxlen=VIEWS)
         self._warm_up()
 
@@ -53,6 +54,12 @@ class Governor:
         self._limits = limits
         self._set()
 
+    def rest(self, *, on: bool) -> None:
+        """While the eye rests, draw as fine as the limits are, however long it takes."""
+        if on != self._resting:
+            self._resting = on
+            self._set()
+
     def frame(self, view: ViewState, stats: FrameStats, frame_ms: float) -> float:
         """Take in a frame that was drawn; returns how long it was expected to take, ms.
 
@@ -66,6 +73,8 @@ class Governor:
         expected_ms = self.budget.model.predict(load)
         self.budget.model.learn(load, frame_ms + self._own_ms, view.t_s)
         self._views.append(view)
+        if self._resting:
+            return expected_ms
         floor_m = ground_under(self._pager.forests[Lane.TERRAIN], view.eye)
         soon = ahead_of(list(self._views), floor_m)
         for _ in range(self.budget.questions):
@@ -97,7 +106,7 @@ class Governor:
         }
 
     def _set(self) -> None:
-        limits = self._limits.times(self.budget.factor)
+        limits = self._limits.times(1.0 if self._resting else self.budget.factor)
         self._pager.set_limits(limits.terrain_px, limits.objects_px)
 
 

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from tiles.source_posts import terrain_sources
-from viewer.accuracy import Judge, Judged, Tally, seen_in, without_objects
+from viewer.accuracy import Judge, seen_in, without_objects
 from viewer.flight import Recording
 from viewer.geometric_error import Seen
 from viewer.session import Session
+from viewer.tally import Judged, Tally
 
 FRAMES = 12
 LONGEST_S = 20.0

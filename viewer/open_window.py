@@ -13,7 +13,8 @@ from tiles import geodesy
 from tiles.errors import InputError
 from tiles.frames import Ecef
 from tiles.lanes import Lane
-from viewer.app import App, Hud
+from viewer.app import App
+from viewer.app_hud import Hud
 from viewer.app_state import AppState
 from viewer.bookmarks import read_bookmarks
 from viewer.camera import Pose
@@ -53,7 +54,8 @@ def open_window(store: Path, settings: PagerSettings, given: argparse.Namespace)
             try:
                 app.run()
             finally:
-                app.close()
+                for line in app.close():
+                    print(f"geopage: {line}", file=sys.stderr)  # noqa: T201
 
 
 def hud_of(window: Window) -> Hud | None:

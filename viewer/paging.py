@@ -33,8 +33,8 @@ from viewer.paging_trace import write_trace_page
 from viewer.poses import Flight
 
 PERCENT = 95.0
-SETTLE_S = 3600.0
-"""A first view that is not there by then never will be."""
+SETTLE_STEPS, LONGER = 1000, 1.02
+"""A first view that is not there after so many steps, each a little longer, never is."""
 
 
 @dataclass(slots=True)
@@ -95,13 +95,14 @@ class Paging:
 
     def settle(self, view: ViewState) -> float:
         """Load what the first view needs; return when that is done."""
-        now_s = 0.0
-        while not (self.frame(view).number and self.missing(view) == (0, 0)):
-            self.pager.advance(now_s, now_s + FRAME_S)
-            now_s += FRAME_S
-            if now_s > SETTLE_S:
-                raise InputError("first view", "it never has all that it needs", ADVICE)
-        return now_s
+        now_s, step_s = 0.0, FRAME_S
+        for _ in range(SETTLE_STEPS):
+            if self.frame(view).number and self.missing(view) == (0, 0):
+                return now_s
+            self.pager.advance(now_s, now_s + step_s)
+            now_s += step_s
+            step_s *= LONGER  # over a slow line it takes hours
+        raise InputError("first view", "it never has all that it needs", ADVICE)
 
     def missing(self, view: ViewState) -> tuple[int, int]:
         """Count the terrain and object tiles that a view needs and has not."""

@@ -67,6 +67,22 @@ def pick(session: Session, drawn: DrawList, pixel: tuple[int, int]) -> Json:
     return place | about | _object(session, number)
 
 
+def find_drawn(session: Session, drawn: DrawList, number: int) -> tuple[int, int] | None:
+    """Return row of the tile and ordinal of an object; None where it is not drawn.
+
+    Parameters
+    ----------
+    number : its id
+    """
+    query = "SELECT cell FROM object WHERE id = ?"
+    held = session.store.connection.execute(query, (number,)).fetchone()
+    there = session.pager.forests[Lane.OBJECTS].records["cell"][drawn.objects]
+    for row in drawn.objects[there == (held[0] if held else -1)].tolist():
+        for ordinal in np.flatnonzero(_tile(session, row).objects["id"] == number).tolist():
+            return row, ordinal
+    return None
+
+
 def require_pixel(pixel: tuple[int, int], size_px: tuple[int, int]) -> tuple[int, int]:
     """Check that a pixel is in a picture.
 

@@ -62,6 +62,8 @@ class Window:
     ) -> None:
         self._events: list[Event] = []
         self._left_is_right = False
+        self._heard_s = math.inf
+        """when it was last asked what happened; infinite while it is waited for"""
         self._windowed: tuple[int, int, int, int] | None = None
         with raising():
             self.handle = make_window(title, size_px, visible=visible)
@@ -93,6 +95,10 @@ class Window:
     def scale(self) -> float:
         """How much larger than usual letters must be on this screen."""
         return max(float(max(glfw.get_window_content_scale(self.handle))), 1.0)
+
+    def hide(self) -> None:
+        """Take it from the screen."""
+        glfw.hide_window(self.handle)
 
     def set_title(self, title: str) -> None:
         """Write into the window's frame."""
@@ -134,10 +140,11 @@ class Window:
 
     def take_events(self, wait_s: float = 0.0) -> list[Event]:
         """Return what happened; without anything, after waiting so long at most."""
-        if wait_s > 0:
+        glfw.poll_events()
+        if wait_s > 0 and not self._events:
+            self._heard_s = math.inf
             glfw.wait_events_timeout(wait_s)
-        else:
-            glfw.poll_events()
+        self._heard_s = time.monotonic()
         events, self._events = self._events, []
         return events
 
@@ -214,7 +221,8 @@ class Window:
             if name == "left" and self._left_is_right:
                 name = "right"  # for those who have one button
             now_s = time.monotonic()
-            self._events_add(MouseButton(*self._cursor, name, down, shift, now_s))
+            times_s = now_s, max(now_s - self._heard_s, 0.0)
+            self._events_add(MouseButton(*self._cursor, name, down, shift, *times_s))
 
     def _on_wheel(self, _: Any, __: float, notches: float) -> None:
         self._events_add(Wheel(*self._cursor, notches))

@@ -63,6 +63,5 @@ def test_prediction_and_order_share_the_gap_to_the_oracle(
     share["oracle"] = page_flight(store, flight, settings, lambda t_s: None)[
         "share_frames_within"
     ]
-    print({name: f"{value:.1%}" for name, value in share.items()})
-    assert share["benefit"] >= share["foreseeing"] - 0.1
-    assert share["benefit"] >= share["oracle"] - 0.1
+    assert share["benefit"] >= share["foreseeing"] - 0.1, share
+    assert share["benefit"] >= share["oracle"] - 0.1, share

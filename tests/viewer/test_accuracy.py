@@ -15,10 +15,11 @@ from tiles.errors import InputError
 from tiles.store import Store
 from tiles.surface import Surface
 from tiles.writer import Writer
-from viewer.accuracy import Tally, accuracy, summary
+from viewer.accuracy import accuracy, summary
 from viewer.cli import accuracy as command
 from viewer.random_views import boxes_of, random_poses
 from viewer.session import Picture
+from viewer.tally import Tally
 
 SIZE = Picture((96, 64))
 NAMES = {"p50", "p95", "p99", "max", "share_within_threshold", "share_limited_by_leaf"}
