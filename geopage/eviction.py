@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which tiles go first when memory is short."""
+"""Which tiles go first when memory is short, and which never go."""
 
 from collections.abc import Callable, Mapping
 
@@ -13,6 +13,31 @@ from tiles.lanes import Lane
 
 Leaving = Callable[[Lane, Rows, NDArray[np.int64]], F8]
 """Orders tiles that may go, the smallest first: see `geopage.policies`."""
+PINNED = np.iinfo(np.int64).max
+"""A tile that was last needed then never goes."""
+PINNED_LEVELS = 2
+PINNED_SHARE = 8
+"""Levels 1 and 2 are pinned, too, where they take at most an eighth of the budget."""
+
+
+def least_recently_used(lane: Lane, rows: Rows, last_used: NDArray[np.int64]) -> F8:  # noqa: ARG001
+    """Order tiles by when they were last needed."""
+    return last_used.astype(np.float64)
+
+
+def pinned(
+    level: NDArray[np.int16], cost: NDArray[np.int64], budget_bytes: int
+) -> NDArray[np.bool_]:
+    """Say which terrain tiles never go, (n,): the coarsest levels.
+
+    Parameters
+    ----------
+    level, cost : (n,) of the tiles, the cost in bytes
+    """
+    coarse = level <= PINNED_LEVELS
+    if int(cost[coarse].sum()) * PINNED_SHARE > budget_bytes:
+        coarse = level == 0
+    return np.asarray(coarse)
 
 
 def first_to_go(

@@ -100,10 +100,7 @@ def find_in_parts(store: Store, words: str, at_once: int = 2000) -> Iterator[lis
     last = store.connection.execute("SELECT MAX(id) FROM object").fetchone()[0] or 0
     ask = f"SELECT id FROM object WHERE id BETWEEN ? AND ? AND ({condition}) ORDER BY id"
     return (
-        [
-            int(one)
-            for (one,) in store.connection.execute(ask, (k, k + at_once - 1, *given))
-        ]
+        [int(one) for (one,) in store.connection.execute(ask, (k, k + at_once - 1, *given))]
         for k in range(0, last + 1, at_once)
     )
 

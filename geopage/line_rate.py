@@ -8,7 +8,10 @@ MEMORY_BYTES = 2e5
 
 
 class LineRate:
-    """Bytes a second while something is asked for. Thread: any; a lost update is no harm."""
+    """Bytes a second while something is asked for.
+
+    Thread: any; losing an update does no harm.
+    """
 
     def __init__(self) -> None:
         self._bytes = self._seconds = 0.0

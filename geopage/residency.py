@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.eviction import Leaving, first_to_go
+from geopage.eviction import PINNED, Leaving, first_to_go, least_recently_used, pinned
 from geopage.line_rate import LineRate
 from geopage.metrics import Counters
 from geopage.priority_queue import PriorityQueue
@@ -31,17 +31,8 @@ from tiles.forest import Rows
 from tiles.lanes import Lane
 
 Key = tuple[Lane, int]
-PINNED = np.iinfo(np.int64).max
-PINNED_LEVELS = 2
 SLACK_SHARE = 64
 """One eviction frees this share of the budget more than is asked for."""
-PINNED_SHARE = 8
-"""Levels 1 and 2 are pinned, too, where they take at most an eighth of the budget."""
-
-
-def least_recently_used(lane: Lane, rows: Rows, last_used: NDArray[np.int64]) -> F8:  # noqa: ARG001
-    """Order tiles by when they were last needed."""
-    return last_used.astype(np.float64)
 
 
 class Residency:
@@ -79,15 +70,10 @@ class Residency:
         self._tables = {lane: LaneTable(tree) for lane, tree in trees.items()}
         self._bytes = dict.fromkeys(State, 0)
         self._peak_bytes = 0
-        self.pinned_bytes = self._pin(trees[Lane.TERRAIN])
-
-    def _pin(self, tree: Tree) -> int:
-        table = self._tables[Lane.TERRAIN]
-        pinned = tree.level <= PINNED_LEVELS
-        if int(table.cost[pinned].sum()) * PINNED_SHARE > self.budget_bytes:
-            pinned = tree.level == 0
-        table.last_used[pinned] = PINNED
-        return int(table.cost[pinned].sum())
+        land = self._tables[Lane.TERRAIN]
+        stays = pinned(trees[Lane.TERRAIN].level, land.cost, budget_bytes)
+        land.last_used[stays] = PINNED
+        self.pinned_bytes = int(land.cost[stays].sum())
 
     def charge_index(self, index_bytes: int) -> None:
         """Take the index out of the budget, once.

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many pixels a metre can take on the screen, anywhere in a bounding sphere.
 
-On the view axis this is exactly focal / d, d being the distance to the sphere's near
-side, so that an object of size s passes the threshold tau at d = s f / tau. Elsewhere
-it is a bound: a length across the ray at angle a from the axis is stretched by
-1 / cos(a)**2, and no point of the sphere that the picture shows is nearer, along the
-axis, than the depth used here. An eye inside the sphere gives a huge number.
+At depth z on a ray at angle a from the axis that is focal / (z cos(a)): a length across
+the ray is stretched by 1 / cos(a)**2. `px_per_m` is the most of it in a sphere and the
+cone around the picture: a bound that holds anywhere on the screen, and for spheres on the
+axis, from twice their radius on, focal / d, d being the distance to the near side, so that
+an object of size s passes the threshold tau at d = s f / tau. Nearer ones, and those
+off the axis, take most at a point further out than their centre. An eye inside the
+sphere gives a huge number.
 
 What the picture does not show still counts, so that a turned head finds something:
 1/8 outside a cone around the axis, 1/32 behind the planet.
@@ -27,6 +29,9 @@ HIDDEN = 1 / 32
 CONE_MARGIN_RAD = 0.1
 TURN_AHEAD_S = 0.5
 LOWEST_M = 11_500.0
+TOLERANCE = 1e-3
+"""Share by which the bound may be too high; beside a large sphere 12 halvings leave 3 %."""
+HALVINGS = 12
 Xyz = tuple[float, float, float]
 
 
@@ -99,13 +104,51 @@ def lens_of(
 def px_per_m(lens: Lens, x: float, y: float, z: float, radius_m: float) -> float:
     """Return the most pixels that a metre takes in a sphere around (x, y, z)."""
     x, y, z = x - lens.eye[0], y - lens.eye[1], z - lens.eye[2]
-    away = math.sqrt(x * x + y * y + z * z)
+    away = max(math.sqrt(x * x + y * y + z * z), NEAR_M)
     near = max(away - radius_m, NEAR_M)
     along = x * lens.forward[0] + y * lens.forward[1] + z * lens.forward[2]
-    cosine = min(1.0, max(along / max(away, NEAR_M), lens.corner_cos))
-    depth = max(along - radius_m, near * lens.corner_cos)
-    scale = lens.focal_px / min(near * cosine * cosine, depth)
-    return float(scale * weight_of(lens, x, y, z, radius_m))
+    least = near * lens.corner_cos**2
+    if along > away * lens.corner_cos and near > NEAR_M:
+        least = near * nearest(radius_m / away, min(along / away, 1.0), lens.corner_cos)
+    return float(lens.focal_px / least * weight_of(lens, x, y, z, radius_m))
+
+
+@kernel
+def nearest(size: float, cosine: float, corner_cos: float) -> float:
+    """Return the least depth x cosine in a sphere in the picture, over its near distance.
+
+    At an angle d further out than its centre, which lies at angle b, the sphere begins at
+    distance cos(d) - sqrt(size**2 - sin(d)**2). That times cos(b + d)**2 is least where
+    sin(d) = size sin(atan(2 tan(b + d))), or in the corner. The right side grows with d:
+    from either side of the solution it leads closer. The result takes the distance from
+    the inner end of what is left, and the cosine from the outer.
+
+    Parameters
+    ----------
+    size : radius / distance of the centre, below 1
+    cosine : of b, at least `corner_cos`
+    """
+    sine, corner_sin = math.sqrt(1.0 - cosine**2), math.sqrt(1.0 - corner_cos**2)
+    outer = max(min(size, corner_sin * cosine - corner_cos * sine), 0.0)
+    first = math.sqrt(1.0 + 3.0 * sine**2)
+    if first > 2.0 * size:  # sin(b + d) is at most sin(b) + sin(d): 0 on the axis
+        outer = min(outer, 2.0 * size * sine / (first - 2.0 * size))
+    inner = min(2.0 * size * sine / first, outer)
+    for _ in range(HALVINGS):
+        level = math.sqrt(1.0 - outer**2)
+        out_sin, out_cos = sine * level + cosine * outer, cosine * level - sine * outer
+        if 2.0 * out_sin * (outer - inner) <= TOLERANCE * out_cos:
+            break
+        middle = (inner + outer) / 2.0
+        out_sin = sine * math.sqrt(1.0 - middle**2) + cosine * middle
+        better = 2.0 * size * out_sin / math.sqrt(1.0 + 3.0 * out_sin**2)
+        if better > middle:
+            inner = min(better, outer)
+        else:
+            outer = better
+    out_cos = max(cosine * math.sqrt(1.0 - outer**2) - sine * outer, corner_cos)
+    begins = math.sqrt(1.0 - inner**2) + math.sqrt(max(size**2 - inner**2, 0.0))
+    return float((1.0 + size) / begins * out_cos**2)
 
 
 @kernel
@@ -223,62 +266,3 @@ def is_hidden(lens: Lens, x: float, y: float, z: float, radius_m: float) -> bool
         return False
     aside = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0))
     return bool(along * sine - aside * math.sqrt(1.0 - sine * sine) > radius_m)
-
-
-def px_per_m_of(
-    lens: Lens, centre: NDArray[np.float64], radius_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Do the same for (n, 3) centres and (n,) radii, in numpy: the kernels' oracle."""
-    offset = centre - lens.eye
-    away = np.linalg.norm(offset, axis=1)
-    near = np.maximum(away - radius_m, NEAR_M)
-    along = offset @ lens.forward
-    cosine = np.clip(along / np.maximum(away, NEAR_M), lens.corner_cos, 1.0)
-    depth = np.maximum(along - radius_m, near * lens.corner_cos)
-    scale = lens.focal_px / np.minimum(near * cosine**2, depth)
-    return np.asarray(scale * _weights(lens, offset, radius_m))
-
-
-def error_px_per_m_of(
-    lens: Lens,
-    centre: NDArray[np.float64],
-    radius_m: NDArray[np.float64],
-    half_m: NDArray[np.float32],
-) -> NDArray[np.float64]:
-    """Do the same as `error_px_per_m` for n cells, in numpy: the kernels' oracle."""
-    offset = centre - lens.eye
-    up = centre / np.linalg.norm(centre, axis=1, keepdims=True)
-    east = np.cross((0.0, 0.0, 1.0), centre)
-    east /= np.linalg.norm(east, axis=1, keepdims=True)
-    axes = np.stack((east, np.cross(up, east), up), axis=1)
-    beside = np.maximum(np.abs(np.einsum("nij,nj->ni", axes, offset)) - half_m, 0.0)
-    near = np.linalg.norm(beside, axis=1)
-    near = np.maximum(near, np.linalg.norm(offset, axis=1) - radius_m)
-    reach = (np.abs(axes @ lens.forward) * half_m).sum(axis=1)
-    depth = offset @ lens.forward - np.minimum(reach, radius_m)
-    depth = np.maximum(depth, np.maximum(near, NEAR_M) * lens.corner_cos)
-    return np.asarray(lens.focal_px / depth * _weights(lens, offset, radius_m))
-
-
-def _weights(
-    lens: Lens, offset: NDArray[np.float64], radius_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    along = offset @ lens.forward
-    aside = np.sqrt(np.maximum((offset**2).sum(axis=1) - along**2, 0.0))
-    outside = aside * lens.cone_cos - along * lens.cone_sin > radius_m
-    return np.where(
-        _hidden(lens, offset, radius_m), HIDDEN, np.where(outside, OUTSIDE, 1.0)
-    )
-
-
-def _hidden(
-    lens: Lens, offset: NDArray[np.float64], radius_m: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    up = float(np.linalg.norm(lens.eye))
-    if up <= lens.occluder_m:
-        return np.zeros(len(offset), np.bool_)
-    along = offset @ (-lens.eye / up)
-    sine = lens.occluder_m / up
-    aside = np.sqrt(np.maximum((offset**2).sum(axis=1) - along**2, 0.0))
-    beyond = along - radius_m > up * (1.0 - sine**2)
-    return np.asarray(beyond & (along * sine - aside * math.sqrt(1.0 - sine**2) > radius_m))

@@ -7,8 +7,8 @@ MIB = 2**20
 POLICIES = ("benefit", "demand", "vgis", "vgis-centre", "mmr", "review", "berkeley")
 """Names of the ways to choose what is read next: see `geopage.policies`."""
 REPLAYED = (*POLICIES, "vgis-stepwise", "strict", "oracle")
-"""With those only to compare with: VGIS before it skipped levels, the way of today's engines,
-and the one that has to know the flight beforehand."""
+"""With those only to compare with: VGIS before it skipped levels, the way of today's
+engines, and the one that has to know the flight beforehand."""
 DETAILS = ("size", "size-and-speed")
 """What the screen error is held against: the threshold; or, where that is more, how far
 things move across the screen in `SHUTTER_S`."""

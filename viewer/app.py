@@ -17,7 +17,7 @@ from tiles.frames import Ecef
 from viewer import gil
 from viewer.app_actions import Actions
 from viewer.app_film import Filming
-from viewer.app_hud import Hud
+from viewer.app_hud import Hud, title_of
 from viewer.app_input import Input
 from viewer.app_paging import Told
 from viewer.app_record import Recorder, Replayer
@@ -28,7 +28,6 @@ from viewer.events import Event, Key, MouseButton, MouseMove, Wheel
 from viewer.flight import FRAME_S, UPLOAD_BYTES, UPLOAD_S
 from viewer.frame_stats import FrameStats
 from viewer.ground import Ground
-from viewer.hud_text import length_text, place_text
 from viewer.navigation import Navigator
 from viewer.navigation_geometry import Lens
 from viewer.session import Session
@@ -99,8 +98,6 @@ class App:
         self._title = ""
         self._watch_s = 0.0
         self._overlay, self._sun = state.overlay, state.utc
-
-    # The loop.
 
     def run(self) -> None:
         """Go on until the window is closed."""
@@ -252,11 +249,7 @@ class App:
         self.session.renderer.blit(0, self.window.size_px)
         if self.hud:
             self.hud.draw(self, self.now_s)
-            return
-        pose = self.navigator.pose
-        place = place_text(pose.lon_rad, pose.lat_rad), length_text(pose.height_m)
-        title = self.state.message or ", ".join(place)
-        if title != self._title:
+        elif (title := title_of(self)) != self._title:
             self._title = title
             self.window.set_title(title)
 
@@ -284,8 +277,6 @@ class App:
         if self.window.is_lost():
             reason = "the driver was reset and has lost every picture"
             raise InputError("OpenGL", reason, "start geopage view again")
-
-    # What can be done.
 
     def say(self, message: str, for_s: float = MESSAGE_S) -> None:
         """Show a line for a while."""

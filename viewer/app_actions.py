@@ -52,7 +52,8 @@ class Actions:
     def step(self) -> None:
         """Mark the building that was flown to, once it is drawn."""
         app = self._app
-        if self._sought is None or app.drawn is None or app.loading or not app.resting:
+        there = app.resting and not app.loading and not app.navigator.moving
+        if self._sought is None or app.drawn is None or not there:
             return
         found = find_drawn(app.session, app.drawn, self._sought)
         self._sought = None

@@ -141,3 +141,9 @@ COMMANDS = (
     Command(("escape",), "", "", _escape),
 )
 BY_KEY = {key: command for command in COMMANDS for key in command.keys}
+
+
+def keys_text() -> str:
+    """Return what mouse and keys do, a line each."""
+    named = tuple((one.label, one.help) for one in COMMANDS if one.help)
+    return "\n".join(f"  {keys:<24}{what}" for keys, what in MOUSE_HELP + HELD_HELP + named)

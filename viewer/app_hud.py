@@ -4,6 +4,7 @@
 from typing import TYPE_CHECKING, Protocol
 
 from viewer.events import Event
+from viewer.hud_text import length_text, place_text
 
 if TYPE_CHECKING:
     from viewer.app import App
@@ -20,3 +21,10 @@ class Hud(Protocol):
 
     def close(self) -> None:
         """Free everything."""
+
+
+def title_of(app: "App") -> str:
+    """Return what the window's frame says where there are no panels."""
+    pose = app.navigator.pose
+    place = place_text(pose.lon_rad, pose.lat_rad), length_text(pose.height_m)
+    return app.state.message or ", ".join(place)

@@ -80,6 +80,7 @@ class Search:
         self.sources = [hit_of_source(one) for one in places_of(store)]
         """where the store's data are"""
         self.hits: list[Hit] = []
+        self._words = ""
         self._first: list[Hit] = []
         """sources of the name that is looked for; they stand before all others"""
         self.message = ""
@@ -89,10 +90,18 @@ class Search:
         """Whether it is still looking."""
         return self._parts is not None
 
+    @property
+    def best(self) -> Hit | None:
+        """What to fly to without a question: the only hit, or a source of that name."""
+        sure = len(self.hits) == 1 or (
+            self._first and named_like(self._words, self._first[0].name)
+        )
+        return self.hits[0] if self.hits and sure else None
+
     def ask(self, words: str, near: Pose | None = None) -> None:
         """Begin to look for something; what is nearest to a pose comes first."""
         self.hits, self.message, self._parts = [], "", None
-        self._near = near
+        self._near, self._first = near, []
         if not words.strip():
             return
         if (place := place_of(words)) is not None:
@@ -101,7 +110,9 @@ class Search:
         if PLACE.fullmatch(words):
             self.message = "latitude is -90 to 90, longitude -180 to 360"
             return
-        self._first = [hit for hit in self.sources if named_like(hit.name, words)]
+        self._words = words
+        like = [hit for hit in self.sources if named_like(hit.name, words)]
+        self._first = sorted(like, key=lambda hit: len(hit.name))
         try:
             self._parts = find_in_parts(self._store, words)
         except InputError as error:
@@ -156,8 +167,8 @@ def hit_of(found: dict[str, Any]) -> Hit:
 
 def hit_of_source(place: Place) -> Hit:
     """Return a source of the store as a hit."""
-    label = f"{place.name} ({place.about})"
-    return Hit(place.name, label, place.lon_deg, place.lat_deg, place.above_m, straight=True)
+    label, where = f"{place.name} ({place.about})", (place.lon_deg, place.lat_deg)
+    return Hit(place.name, label, *where, place.above_m, straight=True)
 
 
 def title_of(found: dict[str, Any]) -> str:

@@ -35,8 +35,8 @@ ABOVE_M = 2.0
 """A stand-in ends up so far below the eye."""
 MOST = 16
 """Tiles that are looked at; many meet at a pole."""
-STEP, DEPTH, ENTRY, LEANING = 3, 7, 12, 14
-"""Where a draw's record (viewer/cull.py) holds them."""
+STEP, DEPTH, ENTRY, LEANING, WHOLE = 3, 7, 12, 14, slice(16, 19)
+"""Where a draw's record (viewer/draw_record.py) holds them."""
 LOWER_RADIUS_M = WGS84_B_M - 40_000.0
 Place = tuple[float, float, float]
 """longitude, latitude, height (rad, rad, m)"""
@@ -97,7 +97,7 @@ class Clearance:
 
         Parameters
         ----------
-        instances : (n, 16) records of the visible terrain draws, changed in place
+        instances : (n, 20) records of the visible terrain draws, changed in place
         drawn : what they were made of
         place : of the eye
 
@@ -120,7 +120,7 @@ class Clearance:
     def _down_m(self, instance: NDArray[np.float32], drawn: Drawn, axes: Floats) -> float:
         """Return how far a tile must sink; beside its edge, what is just inside counts."""
         steps, corners = self._mesh(int(drawn.rows[int(instance[ENTRY])]))
-        points = (steps * float(instance[STEP]) + instance[:3]) @ axes.T
+        points = ((instance[WHOLE] + steps) * float(instance[STEP]) + instance[:3]) @ axes.T
         over_m = above_m(points, corners)
         if over_m == -np.inf:
             inwards = points.mean(axis=0) * (1.0, 1.0, 0.0)

@@ -21,7 +21,7 @@ THROTTLE = numbers(2, "MIB_PER_S,LATENCY_MS", ((1e-6, 1e6), (0, 1e6)))
 Row = dict[str, Any]
 COLUMNS = (
     ("policy", "policy", "{}"),
-    ("MiB/s", "mib_per_s", "{:.2f}"),
+    ("MiB/s", "mib_per_s", "{:.3g}"),
     ("within", "share_frames_within", "{:.1%}"),
     ("complete", "share_frames_complete", "{:.1%}"),
     ("p95 px", "error_p95_px", "{:.2f}"),

@@ -3,23 +3,10 @@
 
 A command is what glMultiDrawElementsIndirect reads: index count, instance count, first
 index, base vertex, base instance. Its base instance is the number of its record in the
-instance array, whose 16 floats tell the vertex shader about the tile:
-
-    0..2 centre - eye, made in float64 (m)   3 metres per position step
-    4..6 up at the tile's centre             7 skirt depth (m)
-    8..10 place in the grain of the ground (terrain)
-    8 seed; 9, 10 share of the screen's pattern that shows it, from and to (objects)
-    11 texture layer (terrain); place of the first own object in the pool, or the
-       palette's entry of the proxy (objects)
-    12 entry in the draw list
-    13 screen error (px)                     14 lean of the skirt (viewer/clearance.py)
-    15 texels across what the data show (terrain)
-
-Commands are sorted from near to far, so that near surfaces hide far ones before those
-are shaded.
+instance array (viewer/draw_record.py). Commands are sorted from near to far, so that near
+surfaces hide far ones before those are shaded.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -37,19 +24,18 @@ from geopage.screen_error import (
 )
 from geopage.view import ViewState
 from tiles import geodesy
-from tiles.frames import WGS84_A_M, WGS84_B_M, Ecef
+from tiles.frames import Ecef
 from tiles.kernels import brief, inlined
 from tiles.terrain import TEXTURE_SIDE
 from viewer.clearance import LEAN
+from viewer.draw_record import INSTANCE_FLOATS, fill
 from viewer.look import HIGH_M
 from viewer.slots import FAR_PERIOD, NEAR_PERIOD, PATCH_M
 
 COMMAND_WORDS = 5
-INSTANCE_FLOATS = 16
 GRAIN_TEXEL_PX = 1.6
 """A texel must be larger than this for the ground to show grain (terrain.frag)."""
 NEAREST_FIRST = 1e12
-STRETCH = WGS84_A_M / WGS84_B_M
 CHILDREN = 4
 
 
@@ -88,24 +74,6 @@ def is_visible(centre: NDArray[np.float64], radius_m: float, eye: Eye) -> bool:
 
 
 @inlined
-def _fill(
-    instance: NDArray[np.float32], slot: np.void, eye: Eye, entry: int, error_px: float
-) -> None:
-    x, y, z = slot["centre"][0], slot["centre"][1], slot["centre"][2]
-    instance[0] = x - eye.lens.eye[0]
-    instance[1] = y - eye.lens.eye[1]
-    instance[2] = z - eye.lens.eye[2]
-    instance[3] = slot["scale_m"]
-    z = z * STRETCH * STRETCH
-    length = max(math.sqrt(x * x + y * y + z * z), 1.0)
-    instance[4] = x / length
-    instance[5] = y / length
-    instance[6] = z / length
-    instance[12] = entry
-    instance[13] = error_px
-
-
-@inlined
 def _command(command: NDArray[np.uint32], slot: np.void, first: int, count: int) -> None:
     command[0] = count
     command[1] = 1
@@ -132,7 +100,7 @@ class Room(NamedTuple):
     commands: NDArray[np.uint32]
     """(n, 5) sorted near to far"""
     instances: NDArray[np.float32]
-    """(n, 16)"""
+    """(n, 20) viewer/draw_record.py"""
     unsorted: NDArray[np.uint32]
     keys: NDArray[np.float64]
 
@@ -195,7 +163,7 @@ def cull_terrain(
         scale = error_px_per_m(eye.lens, centre, lists.radius_m[row], lists.half_m[row])
         part = rung[entry]
         error_px = scale * max(slot["part_error_m"][part], record["texel_m"])
-        _fill(room.instances[n], slot, eye, entry, error_px)
+        fill(room.instances[n], slot, eye.lens.eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]
         room.instances[n, 14] = LEAN
         room.instances[n, 8] = slot["noise"][0] % period
@@ -281,7 +249,7 @@ def cull_objects(
                 first, count = slot["proxy_first"][part], slot["proxy_count"][part]
             if count <= 0 or n == len(room.keys):
                 continue
-            _fill(room.instances[n], slot, eye, entry, 0.0)
+            fill(room.instances[n], slot, eye.lens.eye, entry, 0.0)
             room.instances[n, 8] = slot["seed"]
             room.instances[n, 9], room.instances[n, 10] = low, high
             room.instances[n, 11] = (

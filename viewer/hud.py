@@ -51,11 +51,14 @@ class ImguiHud:
         self._window = window
         self._context = imgui.create_context()
         imgui.get_io().set_ini_filename("")
+        imgui.get_io().config_input_text_enter_keep_active = True
         hud_style.dress(window.scale)
         imgui.backends.opengl3_init(GLSL)
         self._boxes: list[tuple[float, float, float, float]] = []
         self._last_s = 0.0
         self._typing = False
+        self._unsure = 0
+        """draws until it is known whether a click has begun a text"""
         self.tools = hud_tools.Tools()
         self.look = hud_look.LookPanel()
 
@@ -73,6 +76,7 @@ class ImguiHud:
                 io.add_mouse_button_event(BUTTONS[event.button], event.down)
                 over = self._is_over(x, y)
                 self._typing = self._typing and over
+                self._unsure = 3 * over
                 return event.down and over
             case Wheel(x=x, y=y):
                 io.add_mouse_wheel_event(0.0, event.notches)
@@ -82,7 +86,7 @@ class ImguiHud:
                     io.add_key_event(imgui.Key.mod_shift, event.shift)
                     io.add_key_event(imgui.Key.mod_ctrl, event.control)
                     io.add_key_event(getattr(imgui.Key, name), event.down)
-                return self._typing and event.down
+                return (self._typing or self._unsure > 0) and event.down
             case Text(text=text):
                 io.add_input_character(ord(text))
             case Focus(on=on):
@@ -111,7 +115,8 @@ class ImguiHud:
         self._panels(app, size, unit)
         imgui.render()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
-        self._typing = io.want_text_input
+        self._typing = io.want_text_input and imgui.is_any_item_active()
+        self._unsure = max(self._unsure - 1, 0)
 
     def _panels(self, app: "App", size: tuple[int, int], unit: float) -> None:
         """Draw what is on: the help alone, or the panels, or only a message."""
@@ -129,7 +134,7 @@ class ImguiHud:
             self._columns(app, width - 2 * gap, height - 3 * gap - bar, unit)
         elif state.message:
             self._begin("message", (gap, height - gap - bar), (0, bar), bar)
-            imgui.text_unformatted(state.message)
+            hud_view.message(app, width - 4 * gap)
             self._end()
 
     def _columns(self, app: "App", width: float, height: float, unit: float) -> None:
@@ -137,9 +142,9 @@ class ImguiHud:
         gap = 12 * unit
         self._begin("main", (gap, gap), (min(316 * unit, width), 0), height)
         self.tools.search(app)
-        hud_view.draw(app, unit)
         self.look.draw(app, unit)
         self.tools.draw(app)
+        hud_view.draw(app, unit)
         self._end()
         if hud_card.is_needed(app):
             wide = min(330 * unit, width)

@@ -9,13 +9,13 @@ from imgui_bundle import imgui
 from viewer.app_search import title_of
 from viewer.camera import project
 from viewer.hud_look import legend
-from viewer.hud_style import ACCENT, COLUMN, QUIET, WARM, pair, text_in
+from viewer.hud_style import ACCENT, BACK, COLUMN, QUIET, WARM, pair, text_in
 from viewer.hud_text import length_text, measured_lines, place_text
 
 if TYPE_CHECKING:
     from viewer.app import App
 
-OWN = "source", "base_m", "height_m", "dimension_m"
+ABOVE = "ellipsoid (GPS) height"
 
 
 def is_needed(app: "App") -> bool:
@@ -55,15 +55,16 @@ def _picked(app: "App", unit: float) -> None:
         for name, value in one["attributes"].items():
             pair(str(name), str(value), column)
         imgui.separator()
-        for name in OWN:
-            value = one[name]
-            label = name.removesuffix("_m")
-            pair(label, length_text(value) if name != label else str(value), column)
+        pair("source", str(one["source"]), column)
+        pair("base", f"{length_text(one['base_m'])} {ABOVE}", column)
+        pair("height", length_text(one["height_m"]), column)
+        pair("size across", length_text(one["dimension_m"]), column)
     elif found["kind"] == "ground":
         text_in(ACCENT, "Ground")
     lon, lat = math.radians(found["lon_deg"]), math.radians(found["lat_deg"])
     pair("place", place_text(lon, lat), column)
-    pair("height", f"{length_text(found['height_m'])} above ellipsoid", column)
+    named = "height" if found["kind"] == "ground" else "this point"
+    pair(named, f"{length_text(found['height_m'])} {ABOVE}", column)
     if imgui.button("Close"):
         app.do.unpick()
 
@@ -80,4 +81,8 @@ def draw_measurement(app: "App") -> None:
     if len(places) == 2:
         paint.add_line(places[0], places[1], colour, 2.0)
         middle = (places[0][0] + places[1][0]) / 2 + 8, (places[0][1] + places[1][1]) / 2
-        paint.add_text(middle, colour, measured_lines(points)[0].split("  ")[1])
+        text = measured_lines(points)[0].split("  ")[1]
+        size, (x, y) = imgui.calc_text_size(text), middle
+        back = imgui.color_convert_float4_to_u32(BACK)
+        paint.add_rect_filled((x - 6, y - 3), (x + size.x + 6, y + size.y + 3), back, 5.0)
+        paint.add_text(middle, colour, text)

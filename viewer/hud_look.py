@@ -25,7 +25,7 @@ class LookPanel:
 
     def draw(self, app: "App", unit: float) -> None:
         """Draw the section."""
-        if imgui.collapsing_header("Look"):
+        if imgui.collapsing_header("Look", imgui.TreeNodeFlags_.default_open):
             self._sun(app, unit)
             _style(app, unit)
 
@@ -38,14 +38,25 @@ class LookPanel:
             return
         hour, day = self._hour, self._day
         label("Hour", unit)
-        moved, hour = imgui.slider_float("##hour", hour, 0.0, 23.99, "%.1f")
-        label("Day of year", unit)
-        turned, day = imgui.slider_int("##day", day, 1, 365)
+        moved, hour = imgui.slider_float("##hour", hour, 0.0, 23.99, clock_text(hour))
+        label("Day", unit)
+        turned, day = imgui.slider_int("##day", day, 1, 365, date_text(day))
         if changed or moved or turned:
             self._hour, self._day = hour, day
             state.utc = utc_of(hour, day, app.navigator.pose.lon_rad)
         if state.utc:
             text_in(QUIET, sun_text(state.utc))
+
+
+def clock_text(hour: float) -> str:
+    """Return an hour as clocks show it."""
+    minutes = int(hour * 60)
+    return f"{minutes // 60:02d}:{minutes % 60:02d} by the sun"
+
+
+def date_text(day: int) -> str:
+    """Return a day of the year as a date."""
+    return f"{datetime(YEAR, 1, 1, tzinfo=UTC) + timedelta(days=day - 1):%d %b}"
 
 
 def utc_of(hour: float, day: int, lon_rad: float) -> datetime:
@@ -70,6 +81,8 @@ def legend(legend: dict[str, Any]) -> None:
     """Draw which colour is which."""
     rows = legend.get("categories") or legend["stops"]
     rest = [(key, legend.get(key)) for key in ("other", "missing")]
+    ends = (0, len(rows) - 1) if legend.get("quantiles") else ()
+    words = dict(zip(ends, ("or less", "or more"), strict=False))
     rows = rows + [row | {"value": key} for key, row in rest if row and row.get("count")]
     for number, row in enumerate(rows):
         red, green, blue = (part / 255 for part in colour_of(row["colour"]))
@@ -78,4 +91,5 @@ def legend(legend: dict[str, Any]) -> None:
         imgui.same_line()
         value = row["value"]
         text = f"{value:.4g}" if isinstance(value, float) else str(value)
+        text = f"{text} {words[number]}" if number in words else text
         imgui.text_unformatted(f"{text}  ({row['count']:,})" if "count" in row else text)

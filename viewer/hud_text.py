@@ -67,7 +67,7 @@ def measured_lines(points: list[Ecef]) -> list[str]:
     found = measured(points[0], points[1])
     return [
         f"distance  {length_text(found['distance_m'])}",
-        f"along the ground  {length_text(found['ground_m'])}",
+        f"horizontally  {length_text(found['ground_m'])}",
         f"height difference  {length_text(found['rise_m'])}",
     ]
 

@@ -22,31 +22,35 @@ class Tools:
         self._asked = False
         """and no answer yet"""
         self._name = ""
+        self._flights = 0
 
     def search(self, app: "App") -> None:
         """Draw the box to find things with, and what it found."""
         imgui.set_next_item_width(-1)
+        box = f"##find{self._flights}"  # a new box has not the keyboard: keys fly again
         enter = imgui.InputTextFlags_.enter_returns_true
         hint = "Find: 47.37, 8.54 or a name or height>100"
-        done, self._words = imgui.input_text_with_hint("##find", hint, self._words, enter)
+        done, self._words = imgui.input_text_with_hint(box, hint, self._words, enter)
         found = app.search
         if done:
             found.ask(self._words, app.navigator.pose)
             self._asked = True
         if self._asked and not found.on:
             self._asked = False
-            if len(found.hits) == 1:
-                app.do.fly_to(found.hits[0].pose(app.ground.below))
+            if found.best:
+                app.do.go_to(found.best)
+                self._flights += 1
         if found.message:
             text_in(QUIET, found.message)
         if not found.hits:
+            _sources(app)
             return
         rows = min(len(found.hits), ROWS)
         height = rows * imgui.get_text_line_height_with_spacing() + 4
         if imgui.begin_child("hits", ImVec2(0, height)):
             for number, hit in enumerate(found.hits):
                 if imgui.selectable(f"{hit.label}##{number}", False)[0]:  # noqa: FBT003
-                    app.do.fly_to(hit.pose(app.ground.below))
+                    app.do.go_to(hit)
         imgui.end_child()
         if imgui.button("Clear"):
             self._words = ""
@@ -54,7 +58,7 @@ class Tools:
 
     def draw(self, app: "App") -> None:
         """Draw the sections of tools and bookmarks."""
-        if imgui.collapsing_header("Tools"):
+        if imgui.collapsing_header("Tools", imgui.TreeNodeFlags_.default_open):
             self._tools(app)
         if imgui.collapsing_header("Bookmarks"):
             self._bookmarks(app)
@@ -80,6 +84,7 @@ class Tools:
         if imgui.button("Add (B)") or done:
             app.do.add_bookmark(self._name)
             self._name = ""
+            imgui.internal.clear_active_id()
         for number, one in enumerate(app.state.bookmarks):
             if imgui.button(f"x##{number}"):
                 left = [b for b in app.state.bookmarks if b is not one]
@@ -91,6 +96,19 @@ class Tools:
             text_in(WARM if self._name else QUIET, "none yet: B keeps this view")
 
 
+def _sources(app: "App") -> None:
+    """Draw what the store holds, each a place to fly to."""
+    if not imgui.collapsing_header("Data", imgui.TreeNodeFlags_.default_open):
+        return
+    line = imgui.get_text_line_height_with_spacing()
+    size = ImVec2(0, min(len(app.search.sources), ROWS) * line + 4)
+    if imgui.begin_child("sources", size):
+        for number, one in enumerate(app.search.sources):
+            if imgui.selectable(f"{one.label}##{number}", False)[0]:  # noqa: FBT003
+                app.do.go_to(one)
+    imgui.end_child()
+
+
 def _tours(app: "App") -> None:
     """Draw the buttons that record and replay."""
     if app.recorder.on:
@@ -98,16 +116,25 @@ def _tours(app: "App") -> None:
             app.do.record()
     elif imgui.button("Record tour (V)"):
         app.do.record()
-    if app.replayer.on:
+    if app.replayer.on or app.replayer.last:
+        _replay(app)
+    if app.filming.on:
+        if imgui.button("Stop film"):
+            app.filming.stop()
         imgui.same_line()
+        imgui.text_disabled(f"{app.filming.percent} % done")
+
+
+def _replay(app: "App") -> None:
+    """Draw what can be done with the tour that was saved last."""
+    imgui.same_line()
+    if app.replayer.on:
         if imgui.button("Stop replay"):
             app.replayer.stop()
-    elif app.replayer.last is not None:
+        return
+    if imgui.button("Replay"):
+        app.do.replay_last()
+    if app.replayer.last and not app.filming.on:
         imgui.same_line()
-        if imgui.button("Replay"):
-            app.do.replay_last()
-        imgui.same_line()
-        imgui.begin_disabled(app.filming.on)
-        if imgui.button("Making film" if app.filming.on else "Make film"):
+        if imgui.button("Make film"):
             app.filming.start(app, app.replayer.last)
-        imgui.end_disabled()

@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 GRAPH_PX = 64
 THRESHOLDS_PX = 0.5, 32.0
 RATES_HZ = 30.0, 60.0, 90.0, 120.0
-OPEN = imgui.TreeNodeFlags_.default_open
+HINT = "H: help"
 
 
 def draw(app: "App", unit: float) -> None:
-    """Draw the frame's and the detail's section."""
-    if imgui.collapsing_header("Frame", OPEN):
+    """Draw the detail's and the frame's section."""
+    if imgui.collapsing_header("Detail"):
+        _detail(app, unit)
+    if imgui.collapsing_header("Frame"):
         _graph(app, unit)
         _figures(app, unit)
-    if imgui.collapsing_header("Detail", OPEN):
-        _detail(app, unit)
 
 
 def bar(app: "App", width: float) -> None:
@@ -44,14 +44,53 @@ def bar(app: "App", width: float) -> None:
     imgui.text_disabled("|")
     imgui.same_line()
     imgui.text_unformatted(way_text(pose))
+    if app.loading:
+        imgui.same_line()
+        imgui.text_disabled("|")
+        imgui.same_line()
+        imgui.push_style_color(imgui.Col_.text, WARM)
+        imgui.text_unformatted(loading_text(app))
+        imgui.pop_style_color()
     if app.state.message:
         imgui.same_line(0, 24)
-        imgui.push_style_color(imgui.Col_.text, ACCENT)
-        imgui.text_unformatted(app.state.message)
-        imgui.pop_style_color()
-    hint = "H: help"
-    imgui.same_line(width - imgui.calc_text_size(hint).x - 16)
-    imgui.text_disabled(hint)
+        message(app, width - imgui.get_cursor_pos_x() - 16)
+        return
+    at = width - imgui.calc_text_size(HINT).x - 16
+    imgui.same_line(0, 24)
+    if imgui.get_cursor_pos_x() < at:
+        imgui.same_line(at)
+        imgui.text_disabled(HINT)
+
+
+def message(app: "App", width: float) -> None:
+    """Draw the line that the app says, cut where there is no more room."""
+    imgui.push_style_color(imgui.Col_.text, ACCENT)
+    imgui.text_unformatted(cut(app.state.message, width))
+    imgui.pop_style_color()
+
+
+def cut(text: str, width: float) -> str:
+    """Return a text, or as much of it as is no wider."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    while text and imgui.calc_text_size(text + "...").x > width:
+        text = text[:-1]
+    return text + "..."
+
+
+def loading_text(app: "App") -> str:
+    """Say that not all is there yet, and how many tiles are on their way."""
+    _, loading, wanted = tiles(app)
+    return f"loading {loading + wanted} tiles" if loading + wanted else "loading"
+
+
+def tiles(app: "App") -> tuple[int, int, int]:
+    """Return how many tiles can be drawn, are on their way, and wait for their turn."""
+    count = np.zeros(len(State), np.int64)
+    for lane in Lane:
+        count += np.bincount(app.session.pager.states(lane), minlength=len(State))
+    coming = count[State.LOADING] + count[State.RESIDENT]
+    return int(count[State.UPLOADED]), int(coming), int(count[State.QUEUED])
 
 
 def _graph(app: "App", unit: float) -> None:
@@ -75,11 +114,7 @@ def _graph(app: "App", unit: float) -> None:
 
 def _figures(app: "App", unit: float) -> None:
     pager, column = app.session.pager, COLUMN * unit
-    count = np.zeros(len(State), np.int64)
-    for lane in Lane:
-        count += np.bincount(pager.states(lane), minlength=len(State))
-    wanted, loading = int(count[State.QUEUED]), int(count[State.LOADING])
-    there = int(count[State.RESIDENT] + count[State.UPLOADED] + count[State.RELEASING])
+    there, loading, wanted = tiles(app)
     pair("Tiles", f"{there} in, {loading} loading, {wanted} wanted", column)
     memory = pager.memory()
     used = sum(memory[f"{k}_bytes"] for k in ("index", "resident", "uploaded", "in_flight"))

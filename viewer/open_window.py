@@ -3,6 +3,7 @@
 
 import argparse
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -10,10 +11,11 @@ import numpy as np
 
 from geopage.settings import PagerSettings
 from tiles import geodesy
-from tiles.errors import InputError
+from tiles.errors import InputError, is_interrupt
 from tiles.frames import Ecef
 from tiles.lanes import Lane
 from viewer.app import App
+from viewer.app_commands import keys_text
 from viewer.app_hud import Hud
 from viewer.app_state import AppState
 from viewer.bookmarks import read_bookmarks
@@ -36,6 +38,7 @@ def open_window(store: Path, settings: PagerSettings, given: argparse.Namespace)
     """
     path = read_path(given.path) if given.path else None
     bookmarks = read_bookmarks(store)
+    make_folder(given.out)
     if not store.exists():
         raise InputError(store, "there is no such file", "name a store, or make one first")
     with Window(f"geopage - {store.name}", given.size) as window:
@@ -53,9 +56,28 @@ def open_window(store: Path, settings: PagerSettings, given: argparse.Namespace)
                 window.toggle_fullscreen()
             try:
                 app.run()
+            except BaseException as error:
+                if not is_interrupt(error):
+                    raise  # Ctrl-C is as good as Q
             finally:
                 for line in app.close():
                     print(f"geopage: {line}", file=sys.stderr)  # noqa: T201
+
+
+def make_folder(folder: Path) -> None:
+    """Make sure that pictures and tours can be saved in a folder.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        reason = str(error.strerror or error)
+        raise InputError(folder, reason, "give --out a folder to write in") from error
+    if not os.access(folder, os.W_OK):
+        raise InputError(folder, "can't be written", "give --out a folder to write in")
 
 
 def hud_of(window: Window) -> Hud | None:
@@ -63,7 +85,8 @@ def hud_of(window: Window) -> Hud | None:
     try:
         from viewer.hud import ImguiHud  # noqa: PLC0415  an extra
     except ImportError:
-        print(NO_HUD, file=sys.stderr)  # noqa: T201  (a command's own line)
+        print(NO_HUD, file=sys.stderr)  # noqa: T201  (a command's own lines)
+        print(keys_text())  # noqa: T201
         return None
     return ImguiHud(window)
 

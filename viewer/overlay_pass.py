@@ -15,7 +15,7 @@ from viewer.frame_table import FrameTable
 from viewer.gl import CallTable, Gl
 from viewer.overlay import Overlay
 
-ENTRY = 12  # of an instance (viewer/cull.py)
+ENTRY = 12  # of an instance (viewer/draw_record.py)
 ALL_OBJECTS = -1
 WIRE = {Lane.TERRAIN: (1.0, 0.86, 0.25, 0.55), Lane.OBJECTS: (0.3, 0.95, 1.0, 0.6)}
 HEAT = (0.0, 0.0, 0.0, 0.6)

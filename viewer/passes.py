@@ -15,7 +15,8 @@ from tiles.lanes import Lane
 from tiles.mesh import VERTEX
 from viewer import gl
 from viewer.arena import Arena
-from viewer.cull import COMMAND_WORDS, INSTANCE_FLOATS, make_room
+from viewer.cull import COMMAND_WORDS, make_room
+from viewer.draw_record import INSTANCE_FLOATS
 from viewer.gl import CallTable, Gl
 
 COMMAND_BYTES = 4 * COMMAND_WORDS
@@ -113,7 +114,7 @@ class LanePass:
                 add("glVertexArrayAttribFormat", *head, 1, offset)
             add("glVertexArrayAttribBinding", self.name, location, 0)
             add("glEnableVertexArrayAttrib", self.name, location)
-        for i in range(4):
+        for i in range(INSTANCE_FLOATS // 4):
             add("glVertexArrayAttribFormat", self.name, 4 + i, 4, gl.FLOAT, 0, 16 * i)
             add("glVertexArrayAttribBinding", self.name, 4 + i, 1)
             add("glEnableVertexArrayAttrib", self.name, 4 + i)

@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.eviction import least_recently_used
 from geopage.prediction import LEAST_HEIGHT_M, SWEEP_S, Motion, predict, sweep_of
-from geopage.residency import least_recently_used
 from geopage.screen_error import Lens, lens_of
 from geopage.selection import Flags, Selection, Thresholds, select
 from geopage.tree import F8, Tree

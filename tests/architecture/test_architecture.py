@@ -90,7 +90,8 @@ def test_only_threaded_modules_that_exist_are_excused() -> None:
     contracts = CONFIG["tool"]["importlinter"]["contracts"]
     threads = next(contract for contract in contracts if contract["id"] == "threads")
     excused = {rule.partition(" -> ")[0] for rule in threads["ignore_imports"]}
-    assert {name.partition(".")[0] for name in excused} == {"geopage"}
+    owners = excused - {"viewer.stability.paging_threads"}  # that one only counts threads
+    assert {name.partition(".")[0] for name in owners} == {"geopage"}
     modules = {".".join(path.with_suffix("").parts) for path in MODULES}
     assert excused - modules == set()
 

@@ -18,7 +18,7 @@ import pytest
 import rasterio
 from numpy.typing import NDArray
 
-from geopage.screen_error import lens_of, px_per_m_of
+from geopage.screen_error import lens_of
 from geopage.selection import ideal
 from geopage.view import ViewState
 from ingest.boxes import window_in
@@ -31,6 +31,7 @@ from ingest.terrain_tile import LEAF_SIDE, inner_bound_m
 from ingest.triangulation import Triangulation
 from ingest.truth import Truth, places_of, points_at, truth_of
 from tests.benchmarks.test_sampled_heights import cut
+from tests.geopage.screen_error_oracle import px_per_m_of
 from tests.geopage.worlds import view_at
 from tests.ingest.rasters import EGM96, Floats, leaf_at
 from tiles import cells, terrain

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +15,12 @@ from geopage.screen_error import (
     Sweep,
     blur_px,
     error_px_per_m,
-    error_px_per_m_of,
     is_hidden,
     lens_of,
     px_per_m,
-    px_per_m_of,
 )
 from geopage.view import ViewState
+from tests.geopage.screen_error_oracle import error_px_per_m_of, px_per_m_of
 from tests.geopage.worlds import view_at
 from tiles import bounds, cells, geodesy
 from tiles.frames import Ecef, Floats
@@ -33,18 +33,20 @@ def scale(lens: Lens, point: Floats, radius_m: float = 0.0) -> float:
 
 
 @pytest.mark.parametrize("distance_m", [10.0, 1e3, 1e7])
-@pytest.mark.parametrize("share", [0.0, 0.9])
+@pytest.mark.parametrize("share", [0.0, 0.45])
 def test_on_the_axis_a_metre_takes_focal_over_distance(
     distance_m: float, share: float
 ) -> None:
     view = view_at(2e7, pitch_deg=0.0)
     point = view.eye + view.forward * distance_m
     found = scale(lens_of(view), point, distance_m * share)
-    assert found == pytest.approx(view.focal_px / (distance_m * (1 - share)), rel=1e-7)
+    assert found == pytest.approx(view.focal_px / (distance_m * (1 - share)), rel=1e-6)
 
 
 @given(st.integers(0, 2**32 - 1), HEIGHTS_M, st.floats(-90, 30))
-def test_the_kernel_agrees_with_numpy(seed: int, height_m: float, pitch_deg: float) -> None:
+def test_the_bound_is_at_most_a_little_above_the_most_of_many_rays(
+    seed: int, height_m: float, pitch_deg: float
+) -> None:
     lens = lens_of(view_at(height_m, pitch_deg=pitch_deg))
     rng = np.random.default_rng(seed)
     direction = rng.normal(size=(50, 3))
@@ -53,7 +55,9 @@ def test_the_kernel_agrees_with_numpy(seed: int, height_m: float, pitch_deg: flo
     centre = centre + direction * 10 ** rng.uniform(0, 7, (50, 1))
     radius = 10 ** rng.uniform(0, 6.5, 50)
     each = [scale(lens, c, float(r)) for c, r in zip(centre, radius, strict=True)]
-    np.testing.assert_allclose(px_per_m_of(lens, centre, radius), each, rtol=1e-9)
+    most = px_per_m_of(lens, centre, radius)
+    assert (each >= most * (1 - 1e-6)).all()
+    assert (each <= most * 1.03).all()
 
 
 @given(st.integers(0, 2**32 - 1), HEIGHTS_M, st.floats(-90, 30))
@@ -107,20 +111,33 @@ def test_a_projected_length_is_never_longer_than_the_bound(seed: int) -> None:
     assert projected_px <= length * scale(lens, centre) * (1 + 1e-3)
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_no_drawn_point_of_a_sphere_is_nearer_than_the_bound_says(seed: int) -> None:
-    view = view_at(1e4, pitch_deg=-30.0)
-    rng = np.random.default_rng(seed)
-    centre = rng.normal(size=3) * (3.0, 3.0, 1.0) + (0, 0, -2.0)
-    radius = float(np.linalg.norm(centre)) * rng.uniform(0, 0.98)
-    points = rng.normal(size=(400, 3))
-    points = centre + radius * points / np.linalg.norm(points, axis=1)[:, None]
-    corner = np.array((640.0, 360.0)) / view.focal_px
-    drawn = (points[:, 2] < 0) & (np.abs(points[:, :2]) <= -points[:, 2:] * corner).all(
-        axis=1
+@given(st.integers(0, 2**32 - 1), st.floats(10, 120), st.floats(-2, 2))
+def test_a_metre_takes_no_more_in_a_sphere_anywhere_in_the_picture_than_the_bound_says(
+    seed: int, fov_deg: float, shape: float
+) -> None:
+    width_px, height_px = (
+        round(720 * 2.0 ** max(shape, 0)),
+        round(720 * 2.0 ** -min(shape, 0)),
     )
+    focal_px = height_px / 2 / math.tan(math.radians(fov_deg) / 2)
+    view = replace(
+        view_at(1e4, pitch_deg=10.0),
+        focal_px=focal_px,
+        width_px=width_px,
+        height_px=height_px,
+    )
+    rng = np.random.default_rng(seed)
+    half = np.array((width_px, height_px)) / 2 / focal_px
+    centre = np.array((*rng.uniform(-1.2, 1.2, 2) * half, -1.0)) * 10 ** rng.uniform(0, 4)
+    radius = float(np.linalg.norm(centre)) * rng.choice((1.0, 0.1)) * rng.uniform(0, 0.98)
+    points = rng.normal(size=(2000, 3))
+    points = centre + radius * points / np.linalg.norm(points, axis=1)[:, None]
+    depth = -points[:, 2]
+    drawn = (depth > 0) & (np.abs(points[:, :2]) <= depth[:, None] * half).all(axis=1)
+    # Across the ray, away from the axis, a metre is stretched most.
+    most = focal_px * np.linalg.norm(points[drawn], axis=1) / depth[drawn] ** 2
     bound = scale(lens_of(view), view.eye + centre @ view.rotation, radius)
-    assert (view.focal_px / -points[drawn, 2] <= bound * (1 + 1e-9)).all()
+    assert (most <= bound * (1 + 1e-6)).all()
 
 
 def test_an_eye_inside_a_sphere_sees_it_as_huge() -> None:

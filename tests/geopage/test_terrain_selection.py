@@ -5,10 +5,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from geopage import terrain_selection as terrain
-from geopage.screen_error import Lens, error_px_per_m_of, lens_of
+from geopage.screen_error import Lens, lens_of
 from geopage.selection import Selection, Thresholds, everything, select, trees_of
 from geopage.tree import U1, Tree
 from geopage.view import ViewState
+from tests.geopage.screen_error_oracle import error_px_per_m_of
 from tests.geopage.worlds import SPOT, deep_globe, object_records, view_at
 from tiles import cells
 from tiles.forest import Rows, build_forest

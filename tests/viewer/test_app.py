@@ -16,10 +16,11 @@ from PIL import Image
 from tests.viewer.flown import FINE, STEP_S, Flown, open_app, over_city
 from tests.viewer.screen import Screen
 from tiles.errors import InputError
+from viewer.app_state import MESSAGE_S
 from viewer.bookmarks import files_of, read_bookmarks
 from viewer.camera_path import read_path
 from viewer.events import Key, MouseMove, Wheel
-from viewer.open_window import hud_of
+from viewer.open_window import hud_of, make_folder
 
 SIZE = 320, 200
 MIDDLE = 160.0, 100.0
@@ -37,6 +38,7 @@ def opened(
 @pytest.fixture
 def app(opened: Flown) -> Flown:
     opened.state.picked, opened.state.frozen, opened.state.closing = None, False, False
+    opened.search.ask("")
     opened.put(over_city(2000.0))
     return opened
 
@@ -356,6 +358,94 @@ def test_plus_and_minus_zoom_to_the_middle(app: Flown) -> None:
     app.go(1.0)
     assert app.navigator.pose.height_m == pytest.approx(before.height_m, rel=0.01)
     assert app.navigator.pose.lon_rad == pytest.approx(before.lon_rad, abs=1e-6)
+
+
+def test_escape_ends_what_is_on_top_and_only_then_the_window(app: Flown) -> None:
+    app.key("v")
+    app.go(1.0)
+    app.key("v")
+    app.key("v")
+    app.do.replay_last()
+    app.state.picked = {"kind": "ground"}
+    app.do.measure(on=True)
+    app.search.ask("45, 10")
+    app.state.help_visible = True
+    on = [
+        lambda: app.state.help_visible,
+        lambda: app.search.hits,
+        lambda: app.state.measuring,
+        lambda: app.state.picked,
+        lambda: app.replayer.on,
+        lambda: app.recorder.on,
+    ]
+    for number in range(len(on)):
+        assert all(is_on() for is_on in on[number:]), number
+        app.key("escape")
+        assert not on[number](), number
+        assert not app.state.closing
+    assert "saved" in app.state.message
+    app.key("escape")
+    assert app.state.closing
+
+
+def test_a_message_lives_from_when_it_is_seen(app: Flown) -> None:
+    app.say("done")
+    app.t_s += 60.0  # so long took what was done
+    app.go(MESSAGE_S - 1.0)
+    assert app.state.message == "done"
+    app.go(1.5)
+    assert not app.state.message
+
+
+def test_loading_is_said_until_all_is_there(app: Flown) -> None:
+    assert not app.loading
+    app.navigator.pose = over_city(60.0, -0.4)
+    app.go()
+    assert app.loading
+    app.settle()
+    assert not app.loading
+    assert app.session.pager.settled
+
+
+def test_a_building_that_was_found_is_marked_on_arrival(app: Flown) -> None:
+    app.search.ask("name=3-4")
+    app.go(0.5)
+    hit = app.search.best
+    assert hit is not None
+    app.do.go_to(hit)
+    assert app.state.picked is not None
+    assert app.state.picked["object"]["attributes"]["name"] == "3-4"
+    app.go(4.0)
+    app.settle()
+    app.go(2.0)
+    assert app.state.overlay.picked is not None
+    assert app.drawn is not None
+    row, ordinal = app.state.overlay.picked
+    app.do.unpick()
+    assert app.state.overlay.picked is None
+    ids = app.session.renderer.read_ids()
+    shown = -1 - ids[ids < 0]
+    rows = app.drawn.objects[shown // 65536]
+    assert ((rows == row) & (shown % 65536 == ordinal)).any()
+
+
+def test_a_recording_is_saved_when_the_window_closes(
+    app: Flown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(type(app.window), "hide", lambda _: None)
+    app.key("v")
+    app.go(1.0)
+    (line,) = app.close()
+    assert str(app.replayer.last) in line
+    assert app.replayer.last is not None
+    assert read_path(app.replayer.last).duration_s == pytest.approx(1.0, abs=0.2)
+
+
+def test_where_nothing_can_be_saved_no_window_opens(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--out"):
+        make_folder(tmp_path / "no" / "where")
+    make_folder(tmp_path / "new")
+    assert (tmp_path / "new").is_dir()
 
 
 @pytest.mark.parametrize("key", ["q", "escape"])

@@ -15,7 +15,7 @@ from tiles.frames import Ecef
 from tiles.lanes import Lane
 from viewer.camera import Pose, view_state
 from viewer.clearance import ABOVE_M, LEAN, Clearance, Drawn, above_m
-from viewer.cull import INSTANCE_FLOATS
+from viewer.draw_record import INSTANCE_FLOATS
 from viewer.slots import make_slots
 
 LON, LAT = 0.3, 0.7

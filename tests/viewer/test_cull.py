@@ -105,6 +105,12 @@ def fine(n: int) -> np.ndarray:
     return np.zeros(n, np.float32)
 
 
+def centres_of(room: cull.Room, n: int) -> np.ndarray:
+    """Centres of the drawn tiles from the eye, as their records state them, m."""
+    draws = room.instances[:n].astype(np.float64)
+    return draws[:, :3] + draws[:, 16:19] * draws[:, 3:4]
+
+
 def test_commands_and_records_are_those_of_a_plain_loop(rng: np.random.Generator) -> None:
     lists, view = terrain_lists(rng, 400), random_view(rng)
     skirt = rng.uniform(0, 100, 400).astype(np.float32)
@@ -122,7 +128,7 @@ def test_commands_and_records_are_those_of_a_plain_loop(rng: np.random.Generator
     entries = room.instances[:n, 12].astype(int)
     assert sorted(entries) == expected
     slots = lists.slots[lists.rows[entries]]
-    assert np.allclose(room.instances[:n, :3], slots["centre"] - view.eye, rtol=1e-7)
+    assert np.allclose(centres_of(room, n), slots["centre"] - view.eye, rtol=1e-7)
     assert np.array_equal(room.instances[:n, 3], slots["scale_m"])
     lon, lat, _ = geodesy.to_geodetic(slots["centre"])
     assert np.allclose(room.instances[:n, 4:7], geodesy.up(lon, lat), atol=0.004)
@@ -287,7 +293,7 @@ def test_what_the_gpu_gets_is_exact_to_a_hundredth_of_a_pixel(
         assert seen[0] == 1
         steps = rng.integers(-32767, 32767, (2000, 3)).astype(np.float32)
         instance, block = room.instances[0], frame_block(view, PLAIN).reshape(-1, 4)
-        seen = instance[:3] + steps * instance[3]
+        seen = instance[:3] + (instance[16:19] + steps) * instance[3]
         camera = (seen[:, None, :] * block[None, :3, :3]).sum(-1, dtype=np.float32)
         pixel = 640 * block[0, 3] * camera[:, 0] / -camera[:, 2]
         exact = slot["centre"] + steps.astype(np.float64) * float(slot["scale_m"][0])

@@ -94,11 +94,16 @@ def test_a_rate_out_of_reach_makes_detail_coarser(hill_store: Path, tmp_path: Pa
         held = governor.figures(frames)
         governor.limits = Thresholds(1.5, 3.0)
         asked = session.pager.settings
+        governor.rest(on=True)
+        resting = session.pager.settings
+        governor.rest(on=False)
+        assert session.pager.settings == asked
     assert held["budget_ms"] == 0.5
     assert held["changes"] >= 1
     assert frames["threshold_px"][0] == 0.5
     assert held["threshold_px"]["max"] == frames["threshold_px"].max() > 0.5
     assert (frames["expected_ms"] >= 0).all()
+    assert (resting.threshold_px, resting.objects_px) == (1.5, 3.0)
     factor = governor.budget.factor
     assert (asked.threshold_px, asked.objects_px) == (1.5 * factor, 3.0 * factor)
 

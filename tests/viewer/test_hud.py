@@ -110,6 +110,52 @@ def test_the_only_building_of_a_name_is_flown_to(app: Flown) -> None:
     assert app.navigator.pose == hit.pose(app.ground.below)
 
 
+def test_the_box_keeps_the_keyboard_until_something_is_found(app: Flown) -> None:
+    visit(app, *FIND)
+    app.click(*FIND)
+    marks = len(app.state.bookmarks)
+
+    def ask(words: str) -> None:
+        for letter in words:  # as real keys: some of these are commands
+            key = Key(letter, down=True), Text(letter), Key(letter, down=False)
+            app.go(STEP_S, *key)
+        app.go(0.1)
+        app.key("enter")
+        app.go(0.3)
+        while app.search.on:
+            app.go()
+
+    app.go(0.2)
+    app.go(STEP_S, Key("a", down=True, control=True), Key("a", down=False))
+    app.go(0.2)
+    ask("qbh")
+    assert "nothing found" in app.search.message
+    ask("bvqc")
+    assert "nothing found" in app.search.message
+    assert not any((app.state.closing, app.state.help_visible, app.recorder.on))
+    assert len(app.state.bookmarks) == marks
+    ask("city")  # instead of what stood there
+    assert app.search.best
+    assert app.navigator.destination
+    app.go(0.2)
+    app.go(STEP_S, Key("w", down=True))
+    assert app.navigator.held == {"forward"}
+    app.go(STEP_S, Key("w", down=False))
+
+
+def test_escape_leaves_the_box_and_no_more(app: Flown) -> None:
+    app.search.ask("45, 10")
+    visit(app, *FIND)
+    app.click(*FIND)
+    app.go(0.2)
+    app.key("escape")
+    app.go(0.2)
+    assert app.search.hits
+    app.key("escape")
+    assert not app.search.hits
+    assert not app.state.closing
+
+
 def test_letters_typed_into_a_field_are_no_commands(app: Flown) -> None:
     visit(app, *FIND)
     app.click(*FIND)

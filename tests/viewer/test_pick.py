@@ -83,11 +83,15 @@ def test_the_pixel_of_a_roof_names_its_building(session: Session, folder: Path) 
 
 
 def test_the_ground_between_has_its_height(session: Session) -> None:
-    drawn, _ = session.settle(look_down(session, 400.0))
+    view = look_down(session, 400.0)
+    drawn, _ = session.settle(view)
     found = pick(session, drawn, (2, 2))
     assert found["kind"] == "ground"
+    drawn_m = FINE.threshold_px * 400.0 / view.focal_px
     place = math.radians(found["lon_deg"]), math.radians(found["lat_deg"])
-    assert found["height_m"] == pytest.approx(session.surface.height_at(*place), abs=0.5)
+    assert found["height_m"] == pytest.approx(
+        session.surface.height_at(*place), abs=drawn_m
+    )
     assert pick_lines(found)[0].startswith("ground at ")
 
 

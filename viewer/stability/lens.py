@@ -143,7 +143,7 @@ def field(place: Place) -> Finding:
 
     breaks_deg = first_bad(lambda deg: worst(deg)[0] <= 1.0, WIDE_DEG, WIDEST_DEG, 6)
     ours, others = worst(WIDE_DEG)
-    return Finding(WIDE_DEG, ours, breaks_deg, WIDEST_DEG, others, CORNERS)
+    return Finding(WIDE_DEG, ours, breaks_deg, WIDEST_DEG, others)
 
 
 def aspect(place: Place) -> Finding:
@@ -156,7 +156,7 @@ def aspect(place: Place) -> Finding:
 
     breaks = first_bad(lambda ratio: worst(ratio)[0] <= 1.0, SLIM, SLIMMEST, 6)
     ours, others = worst(SLIM)
-    return Finding(SLIM, ours, breaks, SLIMMEST, others, CORNERS)
+    return Finding(SLIM, ours, breaks, SLIMMEST, others)
 
 
 def turning(place: Place) -> Finding:
@@ -188,10 +188,6 @@ def angle(a: Floats, b: Floats) -> float:
     return 2.0 * math.asin(min(1.0, float(np.linalg.norm(a - b)) / math.sqrt(8.0)))
 
 
-CORNERS = (
-    "above 1, a building in a corner of the picture may be left out although it spans so"
-    " many thresholds, where its block is large and near"
-)
 METRE = "pixels that a metre takes / pixels that the selection reckons with"
 ROWS = (
     Row(
