@@ -26,6 +26,7 @@ HELP = {
     "accuracy": "measure the pixel error of random views against the sources",
     "bench": "speed against accuracy of several methods over a sweep of thresholds",
     "experiments": "the experiments of five papers again, their figures beside ours",
+    "stability": "how far from failing we are, for every known way to fail",
     "chart": "draw speed against accuracy from one or more flights",
     "remove": "take a source out of a store",
     "doctor": "say what this machine can draw with",
@@ -43,7 +44,7 @@ A first flight:
 With your own data:
   geopage ingest terrain world.geopage dem.tif --datum egm96
   geopage ingest buildings world.geopage city.geojson
-  geopage render world.geopage --at 47.37,8.54,500 --look 0,-30 -o city.png
+  geopage view   world.geopage
 
 `geopage COMMAND --help` explains a command."""
 Command = Callable[[list[str]], int]
@@ -125,5 +126,5 @@ def usage() -> str:
     """Return the overview of the commands that are installed."""
     names = {entry.name for entry in entry_points(group=GROUP)}
     known = [name for name in HELP if name in names] + sorted(names - HELP.keys())
-    lines = (f"  {name:<8} {HELP.get(name, '')}" for name in known)
+    lines = (f"  {name:<11} {HELP.get(name, '')}" for name in known)
     return USAGE.format(commands="\n".join(lines))

@@ -47,7 +47,7 @@ def laddered(
 
     Errors to reach are the parent's bound, or what is left of it on gentle ground, and
     half of that: the bound of an inner cell of the leaf's size; of a rough leaf, which
-    takes most posts, the former alone. It starts again after its rung: it has no use for
+    takes most posts, the latter alone. It starts again after its rung: it has no use for
     places between posts.
 
     Returns
@@ -62,7 +62,7 @@ def laddered(
     rough, posts = fitting.roughness(bound_m) > ROUGH, 2 * len(places.at)
     made: list[Rung] = []
     # One rung where leaves are rough: each costs most there.
-    goals_m = [most_m] if rough else [most_m, most_m / 2]
+    goals_m = [most_m / 2] if rough else [most_m, most_m / 2]
     for goal_m in goals_m:
         if goal_m < LEAST * bound_m:
             break

@@ -194,9 +194,10 @@ def _measured(report: Json) -> list[tuple[str, str, str]]:
 
 
 def _stages(report: Json) -> str:
-    spreads = report["stages_spread_ms"]
+    spreads = report.get("stages_spread_ms", {})
     return ", ".join(
-        f"{name} {value:.1f} ({spreads[name]['p99']:.1f}) ms"
+        f"{name} {value:.1f}"
+        + (f" ({spreads[name]['p99']:.1f}) ms" if name in spreads else " ms")
         for name, value in report["stages_ms"].items()
     )
 

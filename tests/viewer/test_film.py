@@ -132,7 +132,7 @@ def test_the_film_shows_what_its_path_says(whole: NDArray[np.uint8]) -> None:
     ground = whole[:, :8, :8].reshape(len(whole), -1, 3).mean(axis=1)
     far = np.abs(whole - ground[:, None, None]).max(-1) > 24
     share = far.mean((1, 2))
-    assert share[-1] > 3 * share[0] > 0
+    assert share[-1] > 3 * share[0] + 0.01
 
 
 @pytest.mark.parametrize(
