@@ -198,6 +198,10 @@ class Pager:
         """
         self._scene.set_destination(view)
 
+    def make_way_for(self, wants_gil: Callable[[], bool]) -> None:
+        """Begin nothing while somebody needs the GIL; threads ask before each step."""
+        self._threads.wants_gil = wants_gil
+
     def record(self, clock: Callable[[], float]) -> TileTrace:
         """Write down what becomes of each tile from now on; returns where.
 

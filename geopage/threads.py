@@ -16,6 +16,7 @@ from tiles.lanes import Lane
 
 SCENE_PERIOD_S = 1 / 40
 LEAST_PAUSE_S = 2e-3
+ASIDE_S = 3e-4
 SWITCH_INTERVAL_S = 1e-3
 """Longer than other threads hold the GIL at a time; see THREADS.md."""
 CLOSE_S = 2.0
@@ -43,6 +44,11 @@ class Threads:
         self._threads: list[threading.Thread] = []
         self._error: BaseException | None = None
         self._interval_s = 0.0
+        self._turn = threading.Lock()
+        """Who thinks. Several that want the GIL at once hand it round among themselves,
+        and the renderer gets it back only when its turn comes."""
+        self.wants_gil: Callable[[], bool] = lambda: False
+        """Says that the renderer's Python runs or would: nothing new begins then."""
 
     @property
     def running(self) -> bool:
@@ -83,19 +89,24 @@ class Threads:
                 return
             self.wake_ups[name] += 1
             start_s = time.monotonic()
-            self._scene.step(start_s)
+            with self._turn:
+                self._stand_aside()
+                self._scene.step(start_s)
             left_s = SCENE_PERIOD_S - (time.monotonic() - start_s)
             self.closed.wait(max(left_s, LEAST_PAUSE_S))
 
     def _run_manager(self, lane: Lane, name: str) -> None:
         while self._managers[lane].signal.wait():
             self.wake_ups[name] += 1
-            self._managers[lane].step()
+            with self._turn:
+                self._stand_aside()
+                self._managers[lane].step()
 
     def _run_server(self, lane: Lane, name: str) -> None:
         server = self._servers[lane]
         try:
             while not self.closed.is_set():
+                self._stand_aside()
                 wait_s = server.step(time.monotonic())
                 if wait_s is None:
                     self._queue.wait(lane)
@@ -104,6 +115,10 @@ class Threads:
                     self.closed.wait(wait_s)
         finally:
             server.source.close()
+
+    def _stand_aside(self) -> None:
+        while self.wants_gil() and not self.closed.is_set():
+            time.sleep(ASIDE_S)
 
     def check(self) -> None:
         """Raise what a thread has raised."""

@@ -105,6 +105,7 @@ class App:
         self.session.pager.start()
         self.state.say(WELCOME, math.inf)
         start = time.monotonic()
+        gil.be_prompt()
         with gil.interval(gil.KEEP_S):
             while not self.state.closing:
                 begun = time.monotonic()

@@ -99,6 +99,7 @@ def fly_paced(
     for _ in range(WARM_FRAMES):
         renderer.draw(pager.draw_list(), flight.view(0.0))
     recording.settle_s = time.perf_counter() - start_s
+    gil.be_prompt()
     pace_s = governor.budget.budget_ms / 1000 if governor else FRAME_S
     with quiet_collector(), gil.interval(gil.KEEP_S), closing(Preemption()) as preemption:
         start_s = time.perf_counter()

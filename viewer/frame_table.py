@@ -104,6 +104,10 @@ class FrameTable:
         table.add("glFinish")
         table.run()
 
+    def is_back(self) -> bool:
+        """Say whether GL is done and the frame waits for the GIL. Thread: any."""
+        return self._table.is_back()
+
     def share(self, table: CallTable) -> None:
         """Append the calls that all passes share."""
         size = self.block.nbytes

@@ -208,6 +208,7 @@ class CallTable:
         self._stamps = np.zeros((room, 2), np.int64)
         self.count = 0
         self._stamp_count = 0
+        self._running = False
 
     def add(self, name: str, *arguments: int) -> int:
         """Append a call and return its row, for `change`."""
@@ -231,9 +232,16 @@ class CallTable:
     def run(self) -> int:
         """Run all rows; returns the ns between the last clock row and this thread's GIL."""
         self._gl.guard()
+        self._stamps[self._stamp_count - 1] = 0
+        self._running = True
         run_table(self._address, self.count)
         now = time.perf_counter_ns()
+        self._running = False
         return now - int(self.stamps_ns[-1]) if self._stamp_count else 0
+
+    def is_back(self) -> bool:
+        """Say whether GL is done and `run` waits for the GIL. Thread: any."""
+        return self._running and bool(self._stamps[self._stamp_count - 1].any())
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:

@@ -107,7 +107,8 @@ def time_beside(
     show: Callable[[int], None],
 ) -> tuple[NDArray[np.float64], float]:
     """Draw the recorded frames beside busy servers; return their times, and the rate."""
-    with ServerLoad(store, session.settings, recording.views, rate) as load:
+    wants_gil = session.renderer.wants_gil
+    with ServerLoad(store, session.settings, recording.views, rate, wants_gil) as load:
         start_s, before = time.perf_counter(), load.bytes_read
 
         def turn(done: int) -> None:

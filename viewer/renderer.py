@@ -58,10 +58,9 @@ class Renderer:
         self.forests = forests
         self._half_m = {lane: half_sides_m(forests[lane], lane) for lane in forests}
         self.size_px, self._supersample = size_px, supersample
-        self.look = Look()
         self.culls = True
         """False: what is outside the picture's sides is drawn, too, to see what it costs"""
-        self.overlay, self.smooth = OFF, True
+        self.overlay, self.smooth, self.look = OFF, True, Look()
         self.detail_m = np.zeros(len(forests[Lane.TERRAIN].records), np.float32)
         """(rows of the terrain's forest,) what is smaller does not show in a tile's data"""
         self.arena = Arena(self.gl, forests, arena or ArenaSize())
@@ -147,6 +146,10 @@ class Renderer:
             frame_ms=(time.perf_counter() - start) * 1e3,
         )
 
+    def wants_gil(self) -> bool:
+        """Say whether a frame's own Python runs or would. Thread: any."""
+        return gil.is_kept() or self._frame.is_back()
+
     def _draw_overlay(self) -> None:
         if self.overlay == OFF or self._last is None:
             return
@@ -160,8 +163,8 @@ class Renderer:
         """Copy the last frame, as it is encoded, to a window's framebuffer.
 
         With `smooth`, edges are softened; the frame itself stays as it is. A software
-        driver does so only when the view is that of the frame before: it costs 16 to 19
-        ms of processor time at 1280 x 720, as much as a fifth to a third of a frame.
+        driver does so only when the view is that of the frame before: it takes 16 to 19
+        ms of processor time at 1280 x 720.
 
         Parameters
         ----------

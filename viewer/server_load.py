@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Paging threads at work beside a render loop that has all its tiles already."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -30,6 +30,7 @@ class ServerLoad:
     ----------
     views : of the flight
     bytes_per_s : stored bytes that its servers are to read
+    wants_gil : see `Pager.make_way_for`
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class ServerLoad:
         settings: PagerSettings,
         views: Sequence[ViewState],
         bytes_per_s: float,
+        wants_gil: Callable[[], bool],
     ) -> None:
         with Pager(store, settings, dry=True) as pager:
             budget_bytes = pager.memory()["index_bytes"] + ROOM_BYTES
@@ -45,6 +47,7 @@ class ServerLoad:
         self._pager = Pager(
             store, replace(settings, throttle=line, budget_bytes=budget_bytes)
         )
+        self._pager.make_way_for(wants_gil)
         order = np.random.default_rng(SEED).permutation(len(views))
         self._views = [views[i] for i in order.tolist()]
         self._frame = 0

@@ -62,6 +62,7 @@ class Session:
             picture.supersample,
             context,
         )
+        self.pager.make_way_for(self.renderer.wants_gil)
         forest = self.pager.forests[Lane.TERRAIN]
         self.renderer.detail_m = detail_m(forest, self.store.sources())
         self._put_on(styling)

@@ -4,12 +4,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from tiles.kernels import brief, inlined
 from tiles.terrain import MIP_BYTES, MIP_SIDES, TEXTURE_SIDE
 from viewer import gl
 from viewer.gl import Gl
 
 S3TC = "GL_EXT_texture_compression_s3tc"
-WATER_LEVEL = 2
+WATER_START = sum(MIP_BYTES[:2])
+WATER_END = WATER_START + MIP_BYTES[2]
 BLUER = 1.7
 """Blue by red, as light, from which on texels count as wet"""
 MAX_LAYERS = 2048  # what every driver has
@@ -86,22 +88,26 @@ class TextureLayers:
         return (self.count - len(self._free)) * layer
 
 
+@brief
 def shows_water(texture: NDArray[np.uint8]) -> bool:
     """Say whether a tile's texture has texels that `wet` of `terrain.frag` is above 0 for.
 
     Looked for in the ends of the blocks of a level of 64 x 64 texels: what is smaller
     than its texels is no sheet of water.
     """
-    start = sum(MIP_BYTES[:WATER_LEVEL])
-    blocks = texture[start : start + MIP_BYTES[WATER_LEVEL]].reshape(-1, 8)
-    ends = blocks[:, :4].copy().view("<u2").astype(np.float32)
-    red, blue = (ends // 2048) / np.float32(31), ends % 32 / np.float32(31)
-    return bool((linear_of(blue) > BLUER * linear_of(red)).any())
+    for block in range(WATER_START, WATER_END, 8):
+        for end in (block, block + 2):
+            word = np.int64(texture[end]) | np.int64(texture[end + 1]) << 8
+            red, blue = light_of((word >> 11) / 31.0), light_of((word & 31) / 31.0)
+            if blue > BLUER * red:
+                return True
+    return False
 
 
-def linear_of(srgb: NDArray[np.float32]) -> NDArray[np.float32]:
+@inlined
+def light_of(srgb: float) -> float:
     """Return light as `colour.glsl` does, 0 to 1."""
-    return srgb * srgb * (np.float32(0.72) + np.float32(0.28) * srgb)
+    return srgb * srgb * (0.72 + 0.28 * srgb)
 
 
 def decode_bc1(blocks: NDArray[np.uint8], side: int) -> NDArray[np.uint8]:

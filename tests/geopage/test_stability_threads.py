@@ -21,6 +21,7 @@ from viewer.stability.paging_threads import (
 from viewer.stability.site import Site
 
 SITE = Site(*SPOT)
+FRAME_ASKS = 50
 
 
 def fall(pager: Pager, frames: int = 20_000) -> None:
@@ -68,3 +69,41 @@ def test_threads_end_in_time_while_they_wait_for_a_slow_line(store_path: Path) -
 
 def test_a_static_view_costs_the_paging_threads_nothing(store_path: Path) -> None:
     assert busy_at_rest_s(store_path, SITE) == (0.0, 0, 0)
+
+
+def test_nothing_begins_while_a_frame_needs_the_gil(
+    store_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[object] = []
+    for role in (SceneManager, TileManager, TileServer):
+        step = role.step
+
+        def noted(self: object, *now_s: float, step: object = step) -> object:
+            begun.append(self)
+            return step(self, *now_s)  # type: ignore[operator]
+
+        monkeypatch.setattr(role, "step", noted)
+    asked: list[int] = []
+
+    def wants_gil() -> bool:
+        asked.append(len(begun))
+        return len(asked) <= FRAME_ASKS
+
+    with Pager(store_path) as pager:
+        pager.make_way_for(wants_gil)
+        pager.view(SITE.view(1e6, t_s=0.0))
+        pager.start()
+        pager.prime(lambda _: None)
+    assert set(asked[:FRAME_ASKS]) == {0}
+    assert begun
+
+
+def test_threads_end_in_time_during_a_frame(store_path: Path) -> None:
+    pager = Pager(store_path)
+    pager.make_way_for(lambda: True)
+    pager.view(SITE.view(1e6, t_s=0.0))
+    pager.start()
+    start_s = time.monotonic()
+    pager.close()
+    assert time.monotonic() - start_s < 2.0
+    assert not threads_of(pager)

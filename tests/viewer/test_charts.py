@@ -157,6 +157,16 @@ def test_the_switch_interval_is_given_back() -> None:
     assert sys.getswitchinterval() == pytest.approx(before)
 
 
+def test_a_frame_keeps_the_gil_but_while_gl_works() -> None:
+    told = [gil.is_kept()]
+    with gil.interval(gil.KEEP_S):
+        told.append(gil.is_kept())
+        with gil.interval(gil.SHARE_S):
+            told.append(gil.is_kept())
+        told.append(gil.is_kept())
+    assert [*told, gil.is_kept()] == [False, True, False, True, False]
+
+
 def test_the_process_grows_by_what_it_allocates() -> None:
     before = resident_bytes()
     block = np.ones(64 << 20, np.uint8)

@@ -69,6 +69,31 @@ def test_waiting_for_the_gil_is_seen(gl_context: moderngl.Context) -> None:
         sys.setswitchinterval(interval)
 
 
+def test_who_has_the_gil_sees_that_a_table_waits_for_it(
+    gl_context: moderngl.Context,
+) -> None:
+    table = waiting_table(Gl(gl_context), 1000)
+    table.run()
+    seen: list[bool] = []
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(0.02)
+
+    def watch() -> None:
+        while not (seen and seen[-1]):
+            seen.append(table.is_back())
+
+    thread = threading.Thread(target=watch)
+    try:
+        thread.start()
+        while thread.is_alive():
+            assert not table.is_back()
+            table.run()
+    finally:
+        sys.setswitchinterval(interval)
+    assert seen.count(True) == 1
+    assert not table.is_back()
+
+
 def test_a_thread_without_the_context_is_refused(gl_context: moderngl.Context) -> None:
     table = waiting_table(Gl(gl_context), 0)
     raised: list[str] = []
