@@ -10,8 +10,6 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -34,13 +32,14 @@ from geopage.tile_state import State
 from geopage.trace import TileTrace
 from geopage.tree import U1, tree_bytes
 from geopage.view import ViewState
+from tiles.closing import Closing
 from tiles.forest import build_forest
 from tiles.frames import Ecef
 from tiles.lanes import Lane
 from tiles.store import Store
 
 
-class Pager:
+class Pager(Closing):
     """Pages the tiles of one store for one renderer.
 
     Parameters
@@ -281,14 +280,3 @@ class Pager:
     def close(self) -> None:
         """Stop the threads, in less than two seconds, and close the store."""
         self._threads.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()

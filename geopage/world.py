@@ -4,12 +4,12 @@
 from importlib.metadata import entry_points
 from os import PathLike
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from geopage.find import find_ids
+from tiles.closing import Closing
 from tiles.errors import InputError
 from tiles.frames import Floats
 from tiles.places import Places
@@ -20,7 +20,7 @@ VIEWS = "geopage.views"
 """Packages register here what draws a store, so this one imports none of them."""
 
 
-class World:
+class World(Closing):
     """Terrain and objects of one store. Thread: the one that made it.
 
     Parameters
@@ -159,17 +159,6 @@ class World:
         if self._studio is not None:
             self._studio.close()
         self.store.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _places(lon_deg: float | Floats, lat_deg: float | Floats) -> tuple[Floats, Floats]:

@@ -10,14 +10,14 @@ import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiles import cells
+from tiles.closing import Closing
 from tiles.codec import checksum
 from tiles.errors import InputError, TileFault
 from tiles.index_tree import INDEX
@@ -28,7 +28,7 @@ IDS_AT_ONCE = 500
 """SQLite takes at least 999 values in a statement."""
 
 
-class Store:
+class Store(Closing):
     """Tiles, index blocks, sources and objects of one world, for one thread."""
 
     def __init__(self, path: str | Path) -> None:
@@ -146,17 +146,6 @@ class Store:
     def close(self) -> None:
         """Close the file."""
         self.connection.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def require_file(path: Path) -> None:

@@ -4,14 +4,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
 from geopage.pager import Pager
 from geopage.settings import MIB, PagerSettings, Throttle
 from geopage.view import ViewState
+from tiles.closing import Closing
 
 SEED = 3
 JUMP_FRAMES = 6
@@ -20,7 +19,7 @@ ROOM_BYTES = 24 * MIB
 """So little memory that what was there before has to be read again."""
 
 
-class ServerLoad:
+class ServerLoad(Closing):
     """A second pager on the same store, whose servers read and decode at a stated rate.
 
     Its views jump about on the flight, so it never has all that it wants; what it loads
@@ -69,13 +68,6 @@ class ServerLoad:
         """Stored bytes read so far."""
         return self._pager.counters["bytes_read"]
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Stop the threads."""
         self._pager.close()

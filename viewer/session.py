@@ -3,8 +3,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from geopage.draw_list import DrawList
 from geopage.pager import Pager
@@ -14,6 +12,7 @@ from geopage.source import DECODERS
 from geopage.style import Style
 from geopage.styling import Styling, styling_of
 from geopage.view import ViewState
+from tiles.closing import Closing
 from tiles.errors import InputError
 from tiles.lanes import Lane
 from tiles.objects import ObjectTile
@@ -36,7 +35,7 @@ class Picture:
     supersample: int = 1
 
 
-class Session:
+class Session(Closing):
     """One store, paged and drawn without a window. Thread: the one that made it."""
 
     def __init__(
@@ -132,14 +131,3 @@ class Session:
         self.pager.close()
         self.renderer.release()
         self.store.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()

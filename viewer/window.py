@@ -7,12 +7,12 @@ for the screen stops no paging. All calls belong to the thread that made the win
 
 import math
 import time
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import glfw
 import moderngl
 
+from tiles.closing import Closing
 from tiles.errors import InputError
 from viewer.events import (
     Button,
@@ -39,7 +39,7 @@ KEYS = {
 }
 
 
-class Window:
+class Window(Closing):
     """One window. It collects its events until `take_events` is called.
 
     Parameters
@@ -173,17 +173,6 @@ class Window:
         Window.count -= 1
         if not Window.count:
             glfw.terminate()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     # How events arrive.
 

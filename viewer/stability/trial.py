@@ -9,8 +9,6 @@ unless `dry` is off, nothing is read.
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 
@@ -24,6 +22,7 @@ from geopage.settings import PagerSettings
 from geopage.tile_state import State
 from geopage.view import ViewState
 from tiles import cells
+from tiles.closing import Closing
 from tiles.lanes import Lane
 from viewer.flight import FRAME_S, UPLOAD_BYTES
 
@@ -48,7 +47,7 @@ class Seen:
     """frames in which more bytes were taken than the budget has"""
 
 
-class Trial:
+class Trial(Closing):
     """One pager under a test. Thread: the one that made it."""
 
     def __init__(
@@ -201,13 +200,6 @@ class Trial:
             for row in np.flatnonzero(np.isin(self.pager.states(lane), states)).tolist()
         }
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Stop the threads."""
         self.pager.close()
