@@ -22,6 +22,7 @@ from ingest.footprints import Footprints, read_parts
 from ingest.grounding import Ground
 from ingest.heights import HeightRules, heights_of
 from ingest.intake import Intake, joined_reports
+from ingest.names import name_of, replaced
 from ingest.object_build import FEW_OBJECTS, Rebuilt, rebuild_objects
 from ingest.object_table import highest_id
 from ingest.progress import Progress, silent
@@ -91,7 +92,7 @@ def ingest_buildings(
     """
     sources: dict[str, list[Parts]] = {}
     for path in paths:
-        name = options.name or Path(path).name.split(".")[0]
+        name = options.name or name_of(path)
         sources.setdefault(name, []).append(_reader(path, options))
     return ingest_parts(store, sources, options, progress, ground)
 
@@ -120,7 +121,7 @@ def ingest_parts(
         # One transaction is larger than SQLite's own cache, and its rows are read again.
         writer.connection.execute(f"PRAGMA cache_size=-{CACHE_KIB}")
         enter(writer.transaction())
-        _check_names(writer, sources)
+        before = _check_names(writer, sources)
         taken = _taken(writer, sources, options, look, pool, progress)
         clock.lap("read and store")
         rebuilt = rebuild_objects(writer, ground, progress, pool, clock)
@@ -129,6 +130,8 @@ def ingest_parts(
                 intake.note(ids, remark)
             writer.put_source(intake.name, KIND, intake.details() | (details or {}))
         report = _report(taken, rebuilt)
+        files = {one.name: one.details()["files"] for one in taken}
+        report["warnings"] = [*replaced(before, files), *report["warnings"]]
     clock.lap("commit")
     return report | _rates(clock, report)
 
@@ -141,7 +144,7 @@ def ingest_synthetic(
     progress: Progress = silent,
 ) -> dict[str, Any]:
     """Put copies of a file's buildings into a store, on land around where they are."""
-    name = options.name or f"synthetic_{path.name.split('.')[0]}"
+    name = options.name or f"synthetic_{name_of(path)}"
 
     def read() -> Iterator[Footprints]:
         return replicated(path, Path(store), count, options.layer, options.crs)
@@ -232,12 +235,14 @@ def _with_fields(parts: Iterable[Footprints], rules: HeightRules) -> Iterator[Fo
         yield replace(part, columns=dict.fromkeys(seen, nothing) | part.columns)
 
 
-def _check_names(writer: Writer, names: Iterable[str]) -> None:
-    kinds = {source["name"]: source["kind"] for source in writer.sources()}
+def _check_names(writer: Writer, names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return the store's sources by name, if none of another kind has one of the names."""
+    before = {source["name"]: source for source in writer.sources()}
     for name in names:
-        if kinds.get(name, KIND) != KIND:
-            reason = f"{kinds[name]} source of this name is in the store"
+        if name in before and before[name]["kind"] != KIND:
+            reason = f"{before[name]['kind']} source of this name is in the store"
             raise InputError(name, reason, "choose another with --name")
+    return before
 
 
 def _report(taken: Sequence[Intake], rebuilt: Rebuilt) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from tiles.samples import SAMPLES
 
 GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
 """Grids that come with the package; others are PROJ's, where they are installed."""
-EPSG = {5773: "egm96", 5171: "egm96", 3855: "egm2008", 4979: "ellipsoid", 4326: "ellipsoid"}
+EPSG = {5773: "egm96", 5171: "egm96", 3855: "egm2008", 4979: "ellipsoid"}
 CODES = {"egm2008": 3855}
 UNITS_M = {
     "ft": 0.3048,

@@ -75,10 +75,11 @@ class Fitting:
         self._closes = leaf and len(truths) == 1 and not at_pole(cell)
         self._windows = [window_in(cell, one.cell) for one in truths]
         self.slack_m = max(truth.slack_m for truth in truths)
+        self._unknown_m = max(truth.slack_m - truth.missed_m for truth in truths)
 
     def goal_m(self, bound_m: float) -> float:
         """Return how close posts must be: closer than half of what is unknown is wasted."""
-        return max(bound_m - self.slack_m, bound_m / 2, self.slack_m / 2)
+        return max(bound_m - self._unknown_m, bound_m / 2, self._unknown_m / 2)
 
     def roughness(self, bound_m: float) -> float:
         """Return the share of a leaf's posts that are too far from between others."""

@@ -13,6 +13,7 @@ from ingest.datum import datum_of, unit_m
 from ingest.dem import describe, open_raster
 from ingest.geoid import ZeroSurface
 from ingest.journal import stamp
+from ingest.names import name_of
 from tiles.errors import InputError
 
 RGB = 3
@@ -67,7 +68,7 @@ def plan(path: Path, options: RasterOptions) -> Source:
         if not picture:
             source |= meaning(path, dataset, options)
         source["stamp"] = stamp([str(path), *dataset.files])
-    name = options.name or path.name.split(".")[0] or path.name
+    name = options.name or name_of(path)
     return {**source, "name": name, "kind": options.kind}
 
 

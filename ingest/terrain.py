@@ -14,6 +14,7 @@ from ingest.clock import Clock
 from ingest.dem import bounded, open_raster, unreadable
 from ingest.journal import Journal, digest
 from ingest.mosaic import Mosaic
+from ingest.names import replaced
 from ingest.raster_copy import REASONS, Progress, copy_in
 from ingest.raster_plan import RasterOptions, Source, check_kinds, plan, plan_all, said_of
 from ingest.terrain_build import Recipe, rebuild
@@ -73,6 +74,8 @@ def ingest_rasters(
         after = list({**named, **new}.values())
         changed = [*before, *new.values()]
         report = posts_of(list(new.values()))
+        files = {name: [source["path"]] for name, source in new.items()}
+        report["warnings"] = replaced(named, files)
         report |= change(journal, after, changed, workers, progress, clock)
         report |= clock.report(report["read"])
         if writer.object_count():

@@ -26,6 +26,8 @@ OWN_LATTICE = 128
 """Squares along an edge of a cell that takes a lattice of its own"""
 WORST_FIT_POSTS = 0.02
 MOST_POSTS = 400_000
+QUARTERS = 4
+CORNER_STEPS = (0, 0), (0, 1), (1, 0), (1, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,8 @@ class Truth:
     """(2, 6) column and row as polynomials 1, u, v, uu, uv, vv"""
     slack_m: float
     """How far the surface that the posts stand for may be from their triangles"""
+    missed_m: float
+    """the part of it that a finer mesh of these posts can't cure"""
     low_m: float
     high_m: float
 
@@ -76,16 +80,45 @@ def truth_of(mosaic: Mosaic, cell: int, side: int) -> Truth:
     col, row = np.meshgrid(cols, rows)
     lon, lat = window.layer.places(col.ravel(), row.ravel())
     heights = window.layer.posts(window.left, window.top, window.right, window.bottom)
-    void = np.flatnonzero(np.isnan(heights.ravel()))
-    if len(void):
-        heights.ravel()[void] = mosaic.heights(lon[void], lat[void], 0.0)
+    void = np.isnan(heights)
+    lon, lat = lon.reshape(col.shape), lat.reshape(col.shape)
+    missed_m = 0.0
+    if void.any():
+        heights[void] = mosaic.heights(lon[void], lat[void], 0.0)
+        if len(mosaic.layers) > 1:
+            missed_m = _missed_m(mosaic, lon, lat, heights, void)
     spacing_m = window.layer.spacing_m
     slack_m = bulge_m(spacing_m) + window.misfit_posts * spacing_m
-    lon, lat = lon.reshape(col.shape), lat.reshape(col.shape)
     ecef = geodesy.to_ecef(lon, lat, heights)
     if _close_over_poles(mosaic, lat, ecef):
         slack_m *= 2
-    return _placed(cell, (lon, lat, heights), ecef, window.fit, slack_m)
+    slack_m += missed_m
+    return _placed(cell, (lon, lat, heights), ecef, window.fit, (slack_m, missed_m))
+
+
+def _missed_m(
+    mosaic: Mosaic, lon: Floats, lat: Floats, heights: Floats, void: NDArray[np.bool_]
+) -> float:
+    """Return how far coarser sources may be from the posts that stand in for theirs.
+
+    Their own posts lie between these. Looked for at quarters of each square where the
+    source has no data: of a bend between two such places three quarters are seen.
+    """
+    empty = void[:-1, :-1] | void[:-1, 1:] | void[1:, :-1] | void[1:, 1:]
+    r, c = np.nonzero(empty)
+    largest_m = 0.0
+    for fx, fy in np.argwhere(np.ones((QUARTERS, QUARTERS)))[1:] / QUARTERS:
+        weights = 1 - max(fx, fy), max(fx - fy, 0.0), max(fy - fx, 0.0), min(fx, fy)
+        there = [
+            sum(
+                weight * posts[r + down, c + across]
+                for weight, (down, across) in zip(weights, CORNER_STEPS, strict=True)
+            )
+            for posts in (lon, lat, heights)
+        ]
+        found = mosaic.heights(there[0], there[1], 0.0)
+        largest_m = max(largest_m, float(np.abs(found - there[2]).max(initial=0.0)))
+    return largest_m * QUARTERS / (QUARTERS - 1)
 
 
 def bulge_m(spacing_m: float) -> float:
@@ -189,7 +222,7 @@ def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
     grid = np.zeros((2, 6))
     grid[0, 1] = grid[1, 2] = OWN_LATTICE
     ecef = geodesy.to_ecef(lon, lat, heights)
-    return _placed(cell, (lon, lat, heights), ecef, grid, slack_m)
+    return _placed(cell, (lon, lat, heights), ecef, grid, (slack_m, 0.0))
 
 
 def _placed(
@@ -197,7 +230,7 @@ def _placed(
     places: tuple[Floats, Floats, Floats],
     ecef: Ecef,
     grid: Floats,
-    slack_m: float,
+    slack_m: tuple[float, float],
 ) -> Truth:
     lon, lat, height_m = places
     west, south, east, north = edges_rad(cell)
@@ -210,7 +243,9 @@ def _placed(
     inside = height_m[((uv >= -pad) & (uv <= 1 + pad)).all(axis=-1)]
     low_m, high_m = (inside.min(), inside.max()) if inside.size else (np.inf, -np.inf)
     points = np.ascontiguousarray(ecef - centre, np.float32)
-    return Truth(cell, Ecef(centre), points, uv, grid, slack_m, float(low_m), float(high_m))
+    return Truth(
+        cell, Ecef(centre), points, uv, grid, *slack_m, float(low_m), float(high_m)
+    )
 
 
 @kernel

@@ -255,6 +255,24 @@ def test_voids_are_filled_from_the_coarser_source(opened: Opener, tmp_path: Path
         assert np.abs(found[deep] - plain).max() < 600
 
 
+def test_where_a_coarser_source_fills_in_a_leaf_knows_what_it_misses(
+    opened: Opener, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    rough = hills((120, 120), 1.0, 300.0) + rng.normal(0.0, 40.0, (120, 120))
+    base = write(tmp_path / "base.tif", rough, north_up(10.9, 46.5, 0.0033), "EPSG:4326")
+    posts = hills((100, 100), 1.0, 100.0)
+    fine = write(tmp_path / "fine.tif", posts, north_up(11.0, 46.4, 0.001), "EPSG:4326")
+    mosaic = opened(base, fine)
+    cell = leaf_at(11.0995, 46.35, mosaic.layers[-1].spacing_m)
+    truth = truth_of(mosaic, cell, SIDE)
+    uv = rng.uniform(size=(20_000, 2))
+    lon, lat = places_deg(cell, uv)
+    height = mosaic.heights(np.radians(lon), np.radians(lat), 0.0)
+    gap = np.abs(heights_of(points_at(truth, uv) + truth.centre) - height)
+    assert 5.0 < gap.max() <= truth.slack_m
+    assert truth.missed_m <= 2 * gap.max()
+
+
 @pytest.mark.parametrize("lat_deg", [89.99, -89.99])
 def test_at_a_pole_a_leaf_takes_a_lattice_and_knows_what_it_misses(
     lat_deg: float, opened: Opener, tmp_path: Path, rng: np.random.Generator
