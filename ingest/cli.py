@@ -144,9 +144,7 @@ def show(report: dict[str, Any], *, as_json: bool) -> None:
             print(*(f"warning: {one}\n" for one in value), sep="", end="")
         elif key == "sources":
             for source in value:
-                is_raster = isinstance(source, dict)
-                datum = source.get("datum_here", "no heights") if is_raster else "buildings"
-                print(f"source {source['name'] if is_raster else source}: {datum}")
+                print(f"source {about(source)}")
         elif key == "grounding":
             if found := lines(value):
                 print("all buildings of the store, on terrain coarser than the finest:")
@@ -157,6 +155,15 @@ def show(report: dict[str, Any], *, as_json: bool) -> None:
             print(f"{key.replace('_', ' ')}: {listed}")
         elif value not in ({}, [], None):
             print(f"{key.replace('_', ' ')}: {plain(value)}")
+
+
+def about(source: str | dict[str, Any]) -> str:
+    """Return a line on one source: its datum, and what was skipped of it."""
+    if isinstance(source, str):
+        return f"{source}: buildings"
+    skipped = [f"{count} posts skipped: {why}" for why, count in source["skipped"].items()]
+    parts = [source.get("datum_here", "no heights"), *skipped]
+    return f"{source['name']}: {'; '.join(parts)}"
 
 
 def plain(value: object) -> str:

@@ -136,7 +136,7 @@ def require_way(path: str | Path, datum: str) -> None:
     reason = f"no grid for vertical datum {datum} ({vertical.name})"
     if grid is None:
         raise InputError(path, f"{reason}: PROJ knows none", ADVICE)
-    raise InputError(path, reason, f"run `projsync --file {grid}`, or {ADVICE}")
+    raise InputError(path, reason, f"run `pyproj sync --file {grid}`, or {ADVICE}")
 
 
 @cache

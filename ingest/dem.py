@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Open a raster, and refuse in one line what can't be placed on the earth."""
 
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,6 +37,16 @@ DRIVERS = {
 }
 """The driver of each ending, GTiff of all others: a file can't choose its own reader, so a
 VRT disguised as a TIFF, which could name any other file, is refused."""
+
+REMOTE = re.compile(
+    rb"/vsi(curl|s3|gs|az|adls|oss|swift|hdfs|webhdfs)|>\s*(https?|ftp)://", re.IGNORECASE
+)
+"""In a VRT: what GDAL would open over a network"""
+ADVICES = {
+    ".hgt": "name it by its corner, like N43E007.hgt",
+    ".zip": "zip one tile as N43E007.hgt.zip, or unpack it",
+    ".gz": "unpack it first",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +88,8 @@ def open_raster(path: str | Path) -> rasterio.DatasetReader:
     if not path.exists():
         raise InputError(path, "no such file", "check the path")
     driver = DRIVERS.get(path.suffix.lower(), "GTiff")
+    if driver == "VRT" and REMOTE.search(path.read_bytes()):
+        raise InputError(path, "names a file on a network", "download that first")
     dataset = quiet_open(path, driver)
     try:
         require_usable(path, dataset)
@@ -139,7 +152,7 @@ def unreadable(path: str | Path, error: Exception) -> InputError:
     found = error.__cause__ or error
     reason = (str(found).splitlines() or [type(found).__name__])[0]
     reason = reason.replace(f"'{path}'", "it is").replace(str(path), "it").rstrip(".")
-    advice = "give a GeoTIFF, HGT or VRT file"
+    advice = ADVICES.get(Path(path).suffix.lower(), "give a GeoTIFF, HGT or VRT file")
     return InputError(path, f"can't be read as a raster ({reason})", advice)
 
 

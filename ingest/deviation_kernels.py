@@ -191,7 +191,9 @@ def _along_edges(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
     for i in range(len(halves)):
         t, k = halves[i] // 3, halves[i] % 3
         p, q = triangles[t, k], triangles[t, (k + 1) % 3]
-        on_rim = rim[p] and rim[q]
+        # A chord from one side to another is no part of the rim.
+        beside = at[p, 0] == at[q, 0] or at[p, 1] == at[q, 1]
+        on_rim = rim[p] and rim[q] and beside
         low, long = parts[i, 0], parts[i, 1] - parts[i, 0]
         for family in range(3 + int(on_rim)):
             start, end = _crossed(family, parts, i)

@@ -74,8 +74,8 @@ def ingest_rasters(
         after = list({**named, **new}.values())
         changed = [*before, *new.values()]
         report = posts_of(list(new.values()))
-        files = {name: [source["path"]] for name, source in new.items()}
-        report["warnings"] = replaced(named, files)
+        paths = {name: [source["path"]] for name, source in new.items()}
+        report["warnings"] = replaced(named, paths)
         report |= change(journal, after, changed, workers, progress, clock)
         report |= clock.report(report["read"])
         if writer.object_count():
@@ -94,7 +94,7 @@ def posts_of(copied: list[Source]) -> dict[str, Any]:
     stored = sum(source["posts"]["stored"] for source in copied)
     counts = {"read": stored + reasons.total(), "stored": stored, "merged": 0}
     counts |= {"skipped": reasons.total(), "repaired": 0}
-    about = [said_of(source) for source in copied]
+    about = [said_of(one) | {"skipped": one["posts"]["skipped"]} for one in copied]
     return {**counts, "skipped_by_reason": dict(reasons), "sources": about}
 
 

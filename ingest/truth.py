@@ -23,7 +23,10 @@ from tiles.mesh import UV_ONE
 
 FIT_SIDE = 5
 OWN_LATTICE = 128
-"""Squares along an edge of a cell that takes a lattice of its own"""
+"""Squares along an edge of a cell that takes a lattice of its own, at first"""
+FINEST_LATTICE, MOST_MISSED = 512, 1 / 1024
+"""It is made finer, up to so many, until it misses at most this share of the edge: a
+quarter of what the cells above may be off by."""
 WORST_FIT_POSTS = 0.02
 MOST_POSTS = 400_000
 QUARTERS = 4
@@ -212,15 +215,23 @@ def _misfit_posts(layer: Layer, fit: Floats, first: tuple[int, int], cell: int) 
 
 
 def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
-    """Sample a cell on a lattice, and between its posts to know what that misses."""
-    lon, lat = _grid_places(cell, OWN_LATTICE)
-    heights = mosaic.heights(lon.ravel(), lat.ravel(), 0.0).reshape(lon.shape)
-    middle = tuple((a[:-1, :-1] + a[1:, 1:]) / 2 for a in (lon, lat))
-    between = mosaic.heights(middle[0].ravel(), middle[1].ravel(), 0.0)
-    missed = between.reshape(middle[0].shape) - (heights[:-1, :-1] + heights[1:, 1:]) / 2
-    slack_m = float(np.abs(missed).max()) + bulge_m(edge_m(cell) / OWN_LATTICE)
+    """Sample a cell on a lattice that misses little; between its posts to know how much."""
+    side = OWN_LATTICE
+    while True:
+        lon, lat = _grid_places(cell, side)
+        heights = mosaic.heights(lon.ravel(), lat.ravel(), 0.0).reshape(lon.shape)
+        middle = tuple((a[:-1, :-1] + a[1:, 1:]) / 2 for a in (lon, lat))
+        between = mosaic.heights(middle[0].ravel(), middle[1].ravel(), 0.0)
+        missed = (
+            between.reshape(middle[0].shape) - (heights[:-1, :-1] + heights[1:, 1:]) / 2
+        )
+        missed_m = float(np.abs(missed).max())
+        if missed_m <= edge_m(cell) * MOST_MISSED or side == FINEST_LATTICE:
+            break
+        side *= 2
+    slack_m = missed_m + bulge_m(edge_m(cell) / side)
     grid = np.zeros((2, 6))
-    grid[0, 1] = grid[1, 2] = OWN_LATTICE
+    grid[0, 1] = grid[1, 2] = side
     ecef = geodesy.to_ecef(lon, lat, heights)
     return _placed(cell, (lon, lat, heights), ecef, grid, (slack_m, 0.0))
 

@@ -115,3 +115,28 @@ def test_spacing_is_what_it_is_on_the_earth(
 ) -> None:
     info = info_of(write(tmp_path / "a.tif", POSTS, north_up(x, y, step), crs))
     assert info.spacing_m == pytest.approx(spacing_m, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "name", ["/vsicurl/http://127.0.0.1:9/x.tif", "http://127.0.0.1/x"]
+)
+def test_a_vrt_opens_nothing_over_a_network(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "net.vrt"
+    path.write_text(
+        '<VRTDataset rasterXSize="4" rasterYSize="4"><VRTRasterBand dataType="Int16"'
+        f' band="1"><SimpleSource><SourceFilename>{name}</SourceFilename>'
+        "</SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+    with pytest.raises(InputError, match="names a file on a network"):
+        open_raster(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "advice"), [("height.hgt", "N43E007.hgt"), ("dem.tif.gz", "unpack")]
+)
+def test_what_can_not_be_read_is_told_what_to_do(
+    name: str, advice: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(bytes(2 * 1201 * 1201))
+    with pytest.raises(InputError, match=advice):
+        open_raster(tmp_path / name)

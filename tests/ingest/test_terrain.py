@@ -12,10 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rasterio
 from numpy.typing import NDArray
+from rasterio.windows import Window
 
 from ingest import terrain as ingest_terrain
 from ingest.terrain import RasterOptions, ingest_rasters, remove_raster
+from ingest.terrain_tile import inner_bound_m
 from tests.ingest.rasters import (
     EGM96,
     NORTH,
@@ -31,6 +34,7 @@ from tiles import cells, terrain
 from tiles.check import faults_of
 from tiles.errors import InputError
 from tiles.lanes import Lane
+from tiles.samples import SAMPLES
 from tiles.store import Store
 from tiles.surface import Surface
 
@@ -120,6 +124,22 @@ def test_errors_stay_honest_when_only_a_part_is_made_again(
         a, b = one.index(Lane.TERRAIN), other.index(Lane.TERRAIN)
     np.testing.assert_array_equal(a["cell"], b["cell"])
     np.testing.assert_allclose(a["error_m"], b["error_m"], rtol=1e-5)
+
+
+def test_inner_tiles_keep_their_bound_at_a_pole(tmp_path: Path) -> None:
+    west, north, columns, rows = -135.0, -76.0, 270, 84
+    with rasterio.open(SAMPLES / "earth.tif") as earth:
+        row, col = earth.index(west + 0.01, north - 0.01)
+        posts = earth.read(1, window=Window(col, row, columns, rows))
+        assert row + rows == earth.height
+    file = tmp_path / "cap.tif"
+    write(file, posts, north_up(west, north, 1 / 6), "EPSG:4326")
+    ingest(tmp_path / "cap.geopage", file, options=RasterOptions(datum="ellipsoid"))
+    with Store(tmp_path / "cap.geopage") as store:
+        records = store.index(Lane.TERRAIN)
+    inner = records[records["children"] > 0]
+    assert len(inner) > 5
+    assert all(one["error_m"] <= inner_bound_m(int(one["cell"])) for one in inner)
 
 
 def test_removing_the_last_source_leaves_the_sea(tmp_path: Path) -> None:
