@@ -72,8 +72,11 @@ class RasterInfo:
 
 @contextmanager
 def bounded() -> Iterator[None]:
-    """Read rasters with a small cache of GDAL's."""
-    with rasterio.Env(GDAL_CACHEMAX=CACHE_MIB):
+    """Read rasters with a small cache of GDAL's, and nothing over a network.
+
+    A VRT may name another that names what is far away.
+    """
+    with rasterio.Env(GDAL_CACHEMAX=CACHE_MIB, CPL_VSIL_CURL_ALLOWED_EXTENSIONS=".none"):
         yield
 
 
@@ -138,7 +141,7 @@ def require_small_blocks(path: Path, dataset: rasterio.DatasetReader) -> None:
 def quiet_open(path: str | Path, driver: str) -> rasterio.DatasetReader:
     """Open a raster, or say in one line why it can't be read."""
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), bounded():
             # `describe` refuses it, in a line of its own.
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             return rasterio.open(path, driver=driver)

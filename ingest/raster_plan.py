@@ -29,6 +29,8 @@ class RasterOptions:
     name: str | None = None
     crs: str | None = None
     datum: str | None = None
+    is_sample: bool = False
+    """what a new store starts from: the report is about the others"""
 
 
 def plan_all(files: Sequence[tuple[Path, RasterOptions]]) -> list[Source]:

@@ -37,4 +37,7 @@ def earth_files() -> list[tuple[Path, RasterOptions]]:
         When a sample file is missing.
     """
     earth, picture = samples((EARTH, PICTURE))
-    return [(earth, RasterOptions(datum="egm96")), (picture, RasterOptions("imagery"))]
+    return [
+        (earth, RasterOptions(datum="egm96", is_sample=True)),
+        (picture, RasterOptions("imagery", is_sample=True)),
+    ]

@@ -73,7 +73,9 @@ def ingest_rasters(
         before = [named[name] for name in new if name in named]
         after = list({**named, **new}.values())
         changed = [*before, *new.values()]
-        report = posts_of(list(new.values()))
+        given = zip(planned, files, strict=True)
+        own = [new[one["name"]] for one, (_, stated) in given if not stated.is_sample]
+        report = posts_of(own or list(new.values()))
         paths = {name: [source["path"]] for name, source in new.items()}
         report["warnings"] = replaced(named, paths)
         report |= change(journal, after, changed, workers, progress, clock)

@@ -186,7 +186,12 @@ def _measured(report: Json) -> list[tuple[str, str, str]]:
         f" both ways, at {len(error['frames'])} frames"
     )
     within = 100 * error["share_within_threshold"]
-    kept = f"{within:.2f} % of pixels within the threshold or the finest tile's own bound"
+    judged = 100 * (1 - error["share_not_judged"])
+    kept = (
+        f"{within:.2f} % of pixels within the threshold or the finest tile's own bound;"
+        f" {judged:.0f} % of the earth's pixels are judged, the others show houses or lie"
+        " beside a source's rim"
+    )
     return [
         ("geometric error, median", f"{error['p50']:.2f} px", why),
         ("geometric error, 95th percentile", f"{error['p95']:.2f} px", kept),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a raster lies, in any CRS, and which files are not opened at all."""
 
+import socket
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pyproj
 import pytest
 
 from ingest.dem import RasterInfo, describe, is_lon_lat, open_raster
+from ingest.terrain import RasterOptions, ingest_rasters
 from tests.ingest.rasters import hills, north_up, write
 from tiles.errors import InputError
 
@@ -129,6 +131,27 @@ def test_a_vrt_opens_nothing_over_a_network(name: str, tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="names a file on a network"):
         open_raster(path)
+
+
+def test_a_vrt_in_a_vrt_opens_nothing_over_a_network(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as far:
+        far.settimeout(0.2)
+        name = f"/vsicurl/http://127.0.0.1:{far.getsockname()[1]}/x.tif"
+        for path, inner in (("inner.vrt", name), ("outer.vrt", "inner.vrt")):
+            source = f'<SourceFilename relativeToVRT="1">{inner}</SourceFilename>'
+            (tmp_path / path).write_text(
+                '<VRTDataset rasterXSize="4" rasterYSize="4"><SRS>EPSG:4326</SRS>'
+                "<GeoTransform>7, 1, 0, 44, 0, -1</GeoTransform>"
+                '<VRTRasterBand dataType="Int16" band="1"><SimpleSource>'
+                f"{source}</SimpleSource></VRTRasterBand></VRTDataset>"
+            )
+        file = tmp_path / "outer.vrt"
+        with pytest.raises(InputError, match="can't be read"):
+            ingest_rasters(
+                tmp_path / "w.geopage", [(file, RasterOptions(datum="ellipsoid"))]
+            )
+        with pytest.raises(TimeoutError):
+            far.accept()
 
 
 @pytest.mark.parametrize(
