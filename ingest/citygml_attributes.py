@@ -8,7 +8,6 @@ from typing import Any
 from ingest.citygml_faces import local
 
 _GENERIC = re.compile(r"(string|int|double|date|uri|measure|code)Attribute", re.IGNORECASE)
-_NUMBERS = {"measuredHeight", "storeysAboveGround", "storeysBelowGround", "value"}
 _GEOMETRY = re.compile(
     r"lod\d|bounded|boundary|consistsOf|outer|interior|opening|appearance|"
     r"building(Part|Installation|Room|Constructive)|bridge(Part|Installation)",

@@ -13,7 +13,6 @@ from tiles.frames import Ecef, Floats, Ints
 from tiles.kernels import inlined, kernel
 
 DEEPEST = 64
-Corner = tuple[int, int]
 
 
 def rtin(points: Ecef, up: Floats, side: int, bound_m: float) -> Ints:

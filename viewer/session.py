@@ -6,7 +6,6 @@ from pathlib import Path
 
 from geopage.draw_list import DrawList
 from geopage.pager import Pager
-from geopage.selection import warm_up
 from geopage.settings import PagerSettings
 from geopage.source import DECODERS
 from geopage.style import Style
@@ -46,7 +45,6 @@ class Session(Closing):
         style: Style | None = None,
         context: Gl | None = None,
     ) -> None:
-        warm_up()
         self.store = Store(path)
         self.surface = Surface(self.store)
         if not len(self.surface.forest.records):
