@@ -75,7 +75,8 @@ class Fitting:
         self._closes = leaf and len(truths) == 1 and not at_pole(cell)
         self._windows = [window_in(cell, one.cell) for one in truths]
         self.slack_m = max(truth.slack_m for truth in truths)
-        self._unknown_m = max(truth.slack_m - truth.missed_m for truth in truths)
+        # A finer mesh cures nothing of what a leaf's posts miss, and a cell above has room.
+        self._unknown_m = max(one.slack_m - leaf * one.missed_m for one in truths)
 
     def goal_m(self, bound_m: float) -> float:
         """Return how close posts must be: closer than half of what is unknown is wasted."""
@@ -88,8 +89,8 @@ class Fitting:
         posts, goal_m = self._truths[0].points, self.goal_m(bound_m)
         east = posts[1:-1, 1:-1] - (posts[1:-1, 2:] + posts[1:-1, :-2]) / 2
         north = posts[1:-1, 1:-1] - (posts[2:, 1:-1] + posts[:-2, 1:-1]) / 2
-        far = np.maximum((east**2).sum(axis=-1), (north**2).sum(axis=-1)) > goal_m**2
-        return float(far.mean())
+        squared = (np.einsum("rck,rck->rc", one, one) for one in (east, north))
+        return float((np.maximum(*squared) > goal_m**2).mean())
 
     def take_all(self) -> None:
         """Insert all places."""

@@ -76,6 +76,21 @@ class Mosaic:
                 found[here] = group.layers[-1].spacing_m
         return found
 
+    def beside(self, layer: Layer, lon_rad: Floats, lat_rad: Floats) -> Floats:
+        """Return what coarser sources show as they are, (n,) m; NaN where none does.
+
+        That is where a source has no data and does not bend them either.
+        """
+        count = next(k for k, one in enumerate(self._groups) if layer in one.layers)
+        sea = undulation_m("egm96", lon_rad, lat_rad)
+        below, shown = (
+            self._fold(lon_rad, lat_rad, 0.0, k, sea) for k in (count, count + 1)
+        )
+        known = np.zeros(lon_rad.shape, np.bool_)
+        for group in self._groups[:count]:
+            known |= np.isfinite(group.heights(lon_rad, lat_rad, 0.0))
+        return np.where(known & (below == shown), shown, np.nan)
+
     def _fold(
         self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int, sea: Floats
     ) -> Floats:

@@ -31,6 +31,8 @@ def triangulated(window: NDArray[np.float32], x: Floats, y: Floats) -> Floats:
     """
     height, width = window.shape
     out = np.full(len(x), np.nan)
+    if not (height and width):
+        return out  # a place a rounding outside may have asked for no post at all
     for i in range(len(x)):
         xi, yi = min(max(x[i], 0.0), width - 1.0), min(max(y[i], 0.0), height - 1.0)
         if abs(x[i] - xi) > ROUNDING or abs(y[i] - yi) > ROUNDING:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, grown, overlap
+from ingest.filled import filled, missed_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.posts import column_row, point_at
@@ -24,13 +25,11 @@ from tiles.mesh import UV_ONE
 FIT_SIDE = 5
 OWN_LATTICE = 128
 """Squares along an edge of a cell that takes a lattice of its own, at first"""
-FINEST_LATTICE, MOST_MISSED = 512, 1 / 1024
+FINEST_LATTICE, MOST_PARTS, MOST_MISSED = 512, 4, 1 / 1024
 """It is made finer, up to so many, until it misses at most this share of the edge: a
-quarter of what the cells above may be off by."""
+quarter of what the cells above may be off by. So are posts beside which others fill in."""
 WORST_FIT_POSTS = 0.02
 MOST_POSTS = 400_000
-QUARTERS = 4
-CORNER_STEPS = (0, 0), (0, 1), (1, 0), (1, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,50 +77,22 @@ def truth_of(mosaic: Mosaic, cell: int, side: int) -> Truth:
     window = _window(mosaic, cell, side)
     if window is None:
         return _own_lattice(mosaic, cell)
-    cols = np.arange(window.left, window.right, dtype=float)
-    rows = np.arange(window.top, window.bottom, dtype=float)
-    col, row = np.meshgrid(cols, rows)
-    lon, lat = window.layer.places(col.ravel(), row.ravel())
-    heights = window.layer.posts(window.left, window.top, window.right, window.bottom)
-    void = np.isnan(heights)
-    lon, lat = lon.reshape(col.shape), lat.reshape(col.shape)
-    missed_m = 0.0
-    if void.any():
-        heights[void] = mosaic.heights(lon[void], lat[void], 0.0)
-        if len(mosaic.layers) > 1:
-            missed_m = _missed_m(mosaic, lon, lat, heights, void)
+    box, parts = (window.left, window.top, window.right, window.bottom), 1
+    while True:
+        grid = filled(mosaic, window.layer, box, parts)
+        lon, lat, heights, _ = grid
+        missed_m = missed_of(mosaic, window.layer, *grid) if len(mosaic.layers) > 1 else 0.0
+        over_pole = np.abs(lat).max() > np.pi / 2
+        if missed_m <= edge_m(cell) * MOST_MISSED or parts == MOST_PARTS or over_pole:
+            break
+        parts *= 2
     spacing_m = window.layer.spacing_m
     slack_m = bulge_m(spacing_m) + window.misfit_posts * spacing_m
     ecef = geodesy.to_ecef(lon, lat, heights)
     if _close_over_poles(mosaic, lat, ecef):
         slack_m *= 2
-    slack_m += missed_m
-    return _placed(cell, (lon, lat, heights), ecef, window.fit, (slack_m, missed_m))
-
-
-def _missed_m(
-    mosaic: Mosaic, lon: Floats, lat: Floats, heights: Floats, void: NDArray[np.bool_]
-) -> float:
-    """Return how far coarser sources may be from the posts that stand in for theirs.
-
-    Their own posts lie between these. Looked for at quarters of each square where the
-    source has no data: of a bend between two such places three quarters are seen.
-    """
-    empty = void[:-1, :-1] | void[:-1, 1:] | void[1:, :-1] | void[1:, 1:]
-    r, c = np.nonzero(empty)
-    largest_m = 0.0
-    for fx, fy in np.argwhere(np.ones((QUARTERS, QUARTERS)))[1:] / QUARTERS:
-        weights = 1 - max(fx, fy), max(fx - fy, 0.0), max(fy - fx, 0.0), min(fx, fy)
-        there = [
-            sum(
-                weight * posts[r + down, c + across]
-                for weight, (down, across) in zip(weights, CORNER_STEPS, strict=True)
-            )
-            for posts in (lon, lat, heights)
-        ]
-        found = mosaic.heights(there[0], there[1], 0.0)
-        largest_m = max(largest_m, float(np.abs(found - there[2]).max(initial=0.0)))
-    return largest_m * QUARTERS / (QUARTERS - 1)
+    slack = slack_m + missed_m, missed_m
+    return _placed(cell, (lon, lat, heights), ecef, window.fit * parts, slack)
 
 
 def bulge_m(spacing_m: float) -> float:

@@ -38,3 +38,10 @@ def test_nothing_is_invented_outside_or_beside_no_data() -> None:
 def test_an_edge_of_the_raster_does_not_need_the_posts_beyond_it() -> None:
     one_row = np.array([[1, 3]], np.float32)
     assert triangulated(one_row, np.array([0.25]), np.array([0.0])).tolist() == [1.5]
+
+
+def test_no_posts_have_no_height() -> None:
+    for shape in ((3, 0), (0, 3)):
+        none = np.zeros(shape, np.float32)
+        found = triangulated(none, np.array([-1.0, 0.0]), np.array([1.0, -1.0]))
+        assert np.isnan(found).all()
