@@ -2,7 +2,6 @@
 """`geopage ingest` and `geopage remove`."""
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Callable
@@ -19,7 +18,7 @@ from ingest.cli_buildings import (
     synthetic,
     synthetic_arguments,
 )
-from ingest.grounding_report import lines
+from ingest.cli_report import show
 from ingest.opening import opened
 from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
@@ -132,45 +131,6 @@ def discard(store: Path) -> None:
     """Take away a new store whose ingest was refused: nothing is left half-written."""
     for tail in ("", "-wal", "-shm"):
         Path(f"{store}{tail}").unlink(missing_ok=True)
-
-
-def show(report: dict[str, Any], *, as_json: bool) -> None:
-    """Print a report: one JSON object, or lines for people."""
-    if as_json:
-        sys.stdout.write(json.dumps(report) + "\n")
-        return
-    for key, value in report.items():
-        if key == "warnings":
-            print(*(f"warning: {one}\n" for one in value), sep="", end="")
-        elif key == "sources":
-            for source in value:
-                print(f"source {about(source)}")
-        elif key == "grounding":
-            if found := lines(value):
-                print("all buildings of the store, on terrain coarser than the finest:")
-                print(*(f"  {one}" for one in found), sep="\n")
-        elif isinstance(value, dict) and value:
-            said = {name: plain(one) for name, one in value.items()}
-            listed = ", ".join(f"{name} {one}" for name, one in said.items() if one)
-            print(f"{key.replace('_', ' ')}: {listed}")
-        elif value not in ({}, [], None):
-            print(f"{key.replace('_', ' ')}: {plain(value)}")
-
-
-def about(source: str | dict[str, Any]) -> str:
-    """Return a line on one source: its datum, and what was skipped of it."""
-    if isinstance(source, str):
-        return f"{source}: buildings"
-    skipped = [f"{count} posts skipped: {why}" for why, count in source["skipped"].items()]
-    parts = [source.get("datum_here", "no heights"), *skipped]
-    return f"{source['name']}: {'; '.join(parts)}"
-
-
-def plain(value: object) -> str:
-    """Return a value of a report as people read it."""
-    if isinstance(value, float):
-        return f"{value:.7g}"
-    return " + ".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def terrain(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:

@@ -103,6 +103,7 @@ def is_picture(path: Path, dataset: DatasetReader) -> bool:
 def said_of(source: Source) -> Source:
     """Report on a source: name, and for elevations the datum and what it amounts to."""
     about = {"name": source["name"], "datum": source.get("datum")}
+    about |= {"spacing_m": source["spacing_m"], "bounds_deg": source["bounds_deg"]}
     if source["kind"] != "terrain":
         return about
     datum = source["datum"]

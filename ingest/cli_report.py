@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How `geopage ingest` prints its report."""
+
+import json
+import sys
+from typing import Any
+
+from ingest.grounding_report import lines
+
+
+def show(report: dict[str, Any], *, as_json: bool) -> None:
+    """Print a report: one JSON object, or lines for people."""
+    if as_json:
+        sys.stdout.write(json.dumps(report) + "\n")
+        return
+    for key, value in report.items():
+        if key == "warnings":
+            print(*(f"warning: {one}\n" for one in value), sep="", end="")
+        elif key == "sources":
+            for source in value:
+                print(f"source {about(source)}")
+        elif key == "grounding":
+            if found := lines(value):
+                print("all buildings of the store, on terrain coarser than the finest:")
+                print(*(f"  {one}" for one in found), sep="\n")
+        elif isinstance(value, dict) and value:
+            said = {name: plain(one) for name, one in value.items()}
+            listed = ", ".join(f"{name} {one}" for name, one in said.items() if one)
+            print(f"{key.replace('_', ' ')}: {listed}")
+        elif value not in ({}, [], None):
+            print(f"{key.replace('_', ' ')}: {plain(value)}")
+
+
+def about(source: str | dict[str, Any]) -> str:
+    """Return a line on one source: its datum, its place, and what was skipped of it."""
+    if isinstance(source, str):
+        return f"{source}: buildings"
+    west, south, east, north = source["bounds_deg"]
+    where = f"{source['spacing_m']:.3g} m apart from {south:.4g},{west:.4g}"
+    skipped = [f"{count} posts skipped: {why}" for why, count in source["skipped"].items()]
+    place = f"{where} to {north:.4g},{east:.4g}"
+    parts = [source.get("datum_here", "no heights"), place, *skipped]
+    return f"{source['name']}: {'; '.join(parts)}"
+
+
+def plain(value: object) -> str:
+    """Return a value of a report as people read it."""
+    if isinstance(value, float):
+        return f"{value:.7g}"
+    return " + ".join(map(str, value)) if isinstance(value, list) else str(value)
