@@ -17,7 +17,7 @@ import rasterio
 from city import build_buildings, build_terrain, whole_buildings
 from earth import build_earth
 from geoid import build_geoid
-from globe_paths import build_globe_paths
+from globe_paths import build_globe_paths, build_monaco
 from ground import build_city_ground, build_mountain_ground
 from mountains import build_himalaya, build_langtang
 from mvt import read_tiles
@@ -42,6 +42,7 @@ def build_flights(packages: Path, out: Path) -> None:
     for name, metres in build_paths(out, streets, nepal).items():
         print(f"  {name}: {metres:.1f} m from the nearest footprint")
     build_globe_paths(out / "paths")
+    build_monaco(out / "paths")
 
 
 def build_city(packages: Path, out: Path) -> None:

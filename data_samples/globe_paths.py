@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights over the poles, along the antimeridian and, to compare, at 45 degrees north.
+"""Flights over the poles, along the antimeridian, at 45 degrees north and to Monaco.
 
-All four are the same flight along a great circle: 20 s, 30 degrees of arc, from 600 km
-down to 20 km and up again, looking ahead and down. Where the flight is lowest it passes
-its place at 0.1 degree, so that the heading has no jump at a pole.
+The first four are the same flight along a great circle: 20 s, 30 degrees of arc, from
+600 km down to 20 km and up again, looking ahead and down. Where the flight is lowest it
+passes its place at 0.1 degree, so that the heading has no jump at a pole.
 """
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,6 +25,8 @@ FLIGHTS = {
     "parallel_45": (10.0, 45.0, 90.0),
 }
 """Longitude, latitude and course where the flight is lowest"""
+MONACO_DEG = {"lon_deg": 7.413, "lat_deg": 43.7335}
+"""12 m from the nearest footprint"""
 
 
 def axes(lon_deg: float, lat_deg: float) -> tuple[Array, Array, Array]:
@@ -68,5 +71,15 @@ def build_globe_paths(folder: Path) -> None:
         write(folder / f"{name}.json", "ellipsoid", times, rows, "log_height")
 
 
+def build_monaco(folder: Path) -> None:
+    """Write the fly-in's heights and views over Monaco."""
+    flight = json.loads((folder / "fly_in.json").read_text())
+    frames = [{**frame, **MONACO_DEG} for frame in flight["keyframes"]]
+    rows = {name: np.array([frame[name] for frame in frames]) for name in frames[0]}
+    times, how = rows.pop("t_s"), flight["interpolation"]
+    write(folder / "monaco.json", flight["height_reference"], times, rows, how)
+
+
 if __name__ == "__main__":
     build_globe_paths(Path(__file__).resolve().parent / "paths")
+    build_monaco(Path(__file__).resolve().parent / "paths")

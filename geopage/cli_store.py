@@ -4,6 +4,7 @@
 import csv
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,9 @@ from tiles.lanes import Lane
 from tiles.places import Places
 from tiles.reach import unreachable
 from tiles.store import Store
+
+DOUBTFUL_M = 10.0
+"""A height that may be off by more is given with a warning."""
 
 
 def info(words: list[str]) -> int:
@@ -116,7 +120,9 @@ def sample(words: list[str]) -> int:
     parser = Parser(
         "sample",
         "Finest height above the ellipsoid, its error bound, linked cells and buildings.",
-        "A points file is CSV with the columns lat_deg,lon_deg; answers keep its order.",
+        "A points file is CSV with the columns lat_deg,lon_deg; answers keep its order.\n"
+        "Places without a source, or with an error of more than 10 m, get a `warning` in\n"
+        "the JSON object, and a line on stderr.",
     )
     parser.add_argument("store", type=Path)
     where = parser.add_mutually_exclusive_group(required=True)
@@ -127,12 +133,44 @@ def sample(words: list[str]) -> int:
     lat_lon = np.array([given.at]) if given.at else read_points(given.points)
     with Store(given.store) as store:
         points = Places(store).at(lat_lon[:, 1], lat_lon[:, 0])
+        spacing_m = {one["name"]: one["spacing_m"] for one in store.sources("terrain")}
+    for point in points:
+        if said := _warning(point, spacing_m):
+            point["warning"] = said
     if given.json:
         print_json({"points": points})
     else:
         for point in points:
             print(_line(point))
+        for line in _warning_lines(points):
+            print(line, file=sys.stderr)
     return 0
+
+
+def _warning(point: dict[str, Any], spacing_m: dict[str, float]) -> str:
+    """Say why a height is not to be trusted; empty where it is."""
+    if point["source"] is None:
+        return "no source has data here: the height is made up"
+    if point["error_m"] <= DOUBTFUL_M:
+        return ""
+    apart_m = spacing_m[point["source"]]
+    return (
+        f"the height may be off by {point['error_m']:.0f} m from the posts of"
+        f" {point['source']}, which are {apart_m:,.0f} m apart: ingest a finer"
+        " elevation model for this place"
+    )
+
+
+def _warning_lines(points: list[dict[str, Any]]) -> list[str]:
+    """Return a line a source, with the worst height's warning."""
+    doubted = sorted((p for p in points if "warning" in p), key=lambda p: p["error_m"])
+    worst = {one["source"]: one["warning"] for one in doubted}
+    counts = Counter(one["source"] for one in doubted)
+    return [
+        f"geopage: {text}"
+        + (f" ({counts[name]} of {len(points)} places)" * (len(points) > 1))
+        for name, text in worst.items()
+    ]
 
 
 def _line(point: dict[str, Any]) -> str:

@@ -32,7 +32,7 @@ def rungs(
         if lens.sweep.shutter_s > 0.0:
             limit = max(tau, blur_px(lens, c[0], c[1], c[2], tree.radius_m[row]))
         for k in range(tree.rung_m.shape[1]):
-            is_coarser = before[row] > 0 and k + 1 > before[row] - 1
+            is_coarser = before[row] > 1 and k + 1 > before[row] - 2
             most = limit * COARSEN if is_coarser else limit
             if tree.rung_m[row, k] * scale[i] <= most:
                 rung[i], error_m[i] = k + 1, tree.rung_m[row, k]

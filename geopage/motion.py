@@ -16,20 +16,28 @@ from tiles.kernels import brief
 from tiles.zones import COLUMNS, ROWS, SIZE_RAD
 
 STILL = 1e-12
+JITTER_RAD = 0.01
 
 
 @brief
 def rates(
-    eyes: F8, times_s: F8, floor_m: float, least_m: float, jump: tuple[float, float]
+    eyes: F8,
+    rotations: F8,
+    times_s: F8,
+    floor_m: float,
+    least_m: float,
+    jump: tuple[float, float, float],
 ) -> tuple[int, float, float, float, float]:
     """Return how longitude, latitude and height changed since the last jump.
 
     Parameters
     ----------
     eyes : (n, 3) ECEF m, oldest first
+    rotations : (n, 3, 3)
     times_s : (n,)
     floor_m, least_m : heights count from `floor_m`, and as `least_m` at least
-    jump : heights and metres between two eyes above which it is a jump
+    jump : heights and metres between two eyes, and radians a second, above which it is
+        a jump
 
     Returns
     -------
@@ -47,7 +55,10 @@ def rates(
         if i:
             x, y, z = eyes[i] - eyes[i - 1]
             low_m = min(place[i, 2], place[i - 1, 2])
-            if math.sqrt(x * x + y * y + z * z) > jump[0] * low_m + jump[1]:
+            far = math.sqrt(x * x + y * y + z * z) > jump[0] * low_m + jump[1]
+            same = (rotations[i] * rotations[i - 1]).sum()  # 1 + 2 cos(angle)
+            most_rad = jump[2] * (times_s[i] - times_s[i - 1]) + JITTER_RAD
+            if far or same < 1.0 + 2.0 * math.cos(min(most_rad, math.pi)):
                 start = i
     turned = place[n - 1, 0] - place[start, 0]
     return (

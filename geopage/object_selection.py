@@ -16,14 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geopage.object_visit import ObjectPlan, made_of, visit, visit_again
+from geopage.object_visit import ObjectPlan, made_of, visit_again
 from geopage.screen_error import Lens
-from geopage.tree import F8, U1, Tree, not_among
+from geopage.tree import F8, U1, Tree
 from tiles.forest import Rows
 from tiles.kernels import kernel
 
-ASK_EARLIER = 1.4
-"""Tiles are asked for at this much more distance than they are drawn at."""
 JUMP_LEVELS = 3
 NOTHING = 0
 
@@ -38,15 +36,13 @@ class Objects(NamedTuple):
     proxies: U1
     """(d,) bit k: the proxy of child k is drawn"""
     needed: Rows
-    """rows whose tiles are drawn, or asked for early, when all is there"""
+    """rows whose tiles are drawn when all is there"""
     above: Rows
-    """rows whose tiles can stand in for those, or would have to"""
+    """rows whose uploaded tiles can stand in for those"""
     wanted: Rows
     """(w,) rows, each once"""
     benefit: F8
     error_px: F8
-    now: int
-    """the first so many wants are for drawing, the others are early"""
     made: U1
     """(n,) bits: `before` of the next selection"""
 
@@ -55,32 +51,21 @@ class Objects(NamedTuple):
 def select_objects(
     tree: Tree, lens: Lens, tau: float, object_tau: float, uploaded: U1, before: U1
 ) -> Objects:
-    """Run the passes twice, in one call without the GIL: to draw, and to ask early."""
+    """Run the passes, in one call without the GIL; see each for its parameters."""
     plan = visit_again(tree, lens, tau, object_tau, uploaded, before)
     covered = cover_objects(tree, plan, uploaded)
     taken, own, proxies, stand = emit_objects(tree, plan, uploaded, covered)
     rows, benefit, error_px = want_objects(tree, lens, plan, uploaded, covered, stand)
-    early = visit(tree, lens, tau / ASK_EARLIER, object_tau / ASK_EARLIER, uploaded)
-    covered = cover_objects(tree, early, uploaded)
-    _, _, _, stand = emit_objects(tree, early, uploaded, covered)
-    soon, benefit_soon, error_soon = want_objects(
-        tree, lens, early, uploaded, covered, stand
-    )
-    n = len(tree.parent)
-    first = not_among(n, soon, rows)
-    needed, needed_soon = needed_rows(plan), needed_rows(early)
-    needed_first = needed_soon[not_among(n, needed_soon, needed)]
     return Objects(
         plan.rows[taken],
         own,
         proxies,
-        np.concatenate((needed, needed_first)),
-        early.rows[tree.has_tile[early.rows] > 0],
-        np.concatenate((rows, soon[first])),
-        np.concatenate((benefit, benefit_soon[first])),
-        np.concatenate((error_px, error_soon[first])),
-        len(rows),
-        made_of(n, plan),
+        needed_rows(plan),
+        plan.rows[uploaded[plan.rows] > 0],
+        rows,
+        benefit,
+        error_px,
+        made_of(len(tree.parent), plan),
     )
 
 
@@ -158,7 +143,8 @@ def want_objects(
     Returns
     -------
     rows : (w,) int32
-    benefit : (w,) px of screen error, times px of area, removed for each byte read
+    benefit : (w,) px of screen error, times px of area, removed for each byte read; 0
+        where finer tiles are drawn until this one comes
     error_px : (w,) screen error of what is drawn there now
     """
     m = len(plan.rows)
@@ -179,6 +165,8 @@ def want_objects(
         now_px = now_m * plan.scale[i]
         if stand[i] >= 0:
             now_px = tree.error_m[plan.rows[stand[i]]] * plan.scale[stand[i]]
+        elif covered[i]:
+            now_px = 0.0
         left_px = tree.error_m[row] * plan.scale[i] if tree.proxies[row] else 0.0
         rows[count] = row
         error_px[count] = min(now_px, lens.width_px + lens.height_px)

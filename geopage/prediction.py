@@ -21,13 +21,14 @@ from tiles.forest import Forest
 from tiles.frames import Ecef
 from tiles.geodesy import geodetic_of
 
-AHEAD: tuple[tuple[float, float], ...] = ((0.5, 0.7), (1.0, 0.5))
+AHEAD: tuple[tuple[float, float], ...] = ((0.25, 1.0), (0.5, 0.7), (1.0, 0.5))
 """Seconds ahead, and the weight of what is wanted then."""
 WINDOW_S = 0.3
 SWEEP_S = 0.02
 LEAST_HEIGHT_M = 1.0
-JUMP = 5.0, 50.0
-"""Between two views, more than this many heights and metres is a jump, not a motion."""
+JUMP = 5.0, 50.0, 2 * math.pi
+"""Between two views, more than this many heights and metres is a jump, not a motion; so
+is a turn by more radians a second."""
 MOST_CLIMB = 3.0
 """Natural logarithms of height a second."""
 MOST_TURN_RAD = math.pi / 2
@@ -68,8 +69,11 @@ def motion_of(views: Sequence[ViewState], floor_m: float) -> Motion | None:
     if len(recent) < _TWO or same_pose(recent[-2], newest):
         return None
     eyes = np.concatenate([view.eye for view in recent]).reshape(-1, 3)
+    turns = np.concatenate([view.rotation for view in recent]).reshape(-1, 3, 3)
     times_s = np.array([view.t_s for view in recent])
-    start, span_s, lon, lat, climb = rates(eyes, times_s, floor_m, LEAST_HEIGHT_M, JUMP)
+    start, span_s, lon, lat, climb = rates(
+        eyes, turns, times_s, floor_m, LEAST_HEIGHT_M, JUMP
+    )
     if span_s <= 0:
         return None
     turn = rotation_vector(newest.rotation.T @ recent[start].rotation)

@@ -7,7 +7,8 @@ the renderer says that its slot is free.
 
 The renderer never takes the lock: what it says goes into a deque and is booked by the
 next `snapshot`; what it is told comes out of a dict and a deque. Their operations are
-indivisible. Everything else runs under the lock, for microseconds.
+indivisible. The scene manager and the managers take turns (`Threads._turn`), so what they
+alone touch needs no lock; what servers touch, too, runs under it, for microseconds.
 """
 
 import threading

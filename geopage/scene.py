@@ -219,8 +219,7 @@ class SceneManager:
 
     def _book_drawn(self, chosen: Selection) -> None:
         for lane, rows in ((Lane.TERRAIN, chosen.terrain), (Lane.OBJECTS, chosen.objects)):
-            wants = chosen.wants[lane]
-            self._residency.drew(lane, rows, wants.rows[: wants.now])
+            self._residency.drew(lane, rows, chosen.wants[lane].rows)
 
     def _request(self, plan: Plan) -> bool:
         """Hand each lane's wants to its manager; say whether the newest view has any."""

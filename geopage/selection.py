@@ -44,8 +44,6 @@ class Wants:
     """(w,) screen error times area removed for each byte read; larger is better"""
     error_px: F8
     """(w,) screen error of what is drawn there now"""
-    now: int
-    """the first so many are needed now, the others a little before they are drawn"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +59,8 @@ class Selection:
     proxies: U1
     wants: dict[Lane, Wants]
     keep: dict[Lane, Rows]
-    """uploaded or not: rows that the view draws, or will draw when they come, and object
-    tiles that stand in for others when the view moves on"""
+    """uploaded or not: rows that the view draws, or will draw when they come, and uploaded
+    object tiles that stand in for others when the view moves on"""
     made: Mapping[Lane, U1]
     """(n,) what it made of each cell; input of the next selection"""
     needed_bytes: int
@@ -136,10 +134,8 @@ def select(
         uploaded[Lane.OBJECTS],
         made[Lane.OBJECTS],
     )
-    terrain_wants = Wants(
-        ground.wanted, ground.benefit, ground.error_px, len(ground.wanted)
-    )
-    object_wants = Wants(things.wanted, things.benefit, things.error_px, things.now)
+    terrain_wants = Wants(ground.wanted, ground.benefit, ground.error_px)
+    object_wants = Wants(things.wanted, things.benefit, things.error_px)
     needed_bytes = land.memory_bytes[ground.targets].sum()
     needed_bytes += town.memory_bytes[things.needed].sum()
     return Selection(

@@ -58,7 +58,7 @@ class Terrain(NamedTuple):
     """(d,) 1 where the tile is coarser than its target"""
     targets: Rows
     refined: U1
-    """(n,) 1 where it went on to the children, 1 and the rung of a drawn tile: `before`
+    """(n,) 1 where it went on to the children, 2 and the rung of a drawn tile: `before`
     of the next selection"""
     wanted: Rows
     """(w,) rows"""
@@ -77,9 +77,7 @@ def select_terrain(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1)
     rung, error_m = rungs(tree, lens, tau, drawn, plan.scale[taken], before)
     refined = np.zeros(len(tree.parent), np.uint8)
     refined[plan.rows[plan.below >= 0]] = 1
-    for i in range(len(drawn)):
-        if not has_children(tree, drawn[i]):
-            refined[drawn[i]] = 1 + rung[i]
+    refined[drawn] = 2 + rung
     return Terrain(
         drawn,
         rung,
@@ -102,8 +100,8 @@ def refine(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Plan
     tree, lens : the terrain and the view
     tau : threshold, px
     uploaded : (n,) 1 where the tile can be drawn
-    before : (n,) 1 where the last selection went on to the children (of leaves it says
-        something else)
+    before : (n,) 1 where the last selection went on to the children, 2 and the rung of
+        what it drew
     """
     n = len(tree.parent)
     rows, below, above = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
@@ -118,10 +116,11 @@ def refine(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Plan
         limit = tau
         if lens.sweep.shutter_s > 0.0:
             limit = max(tau, blur_px(lens, c[0], c[1], c[2], tree.radius_m[row]))
-        limit = limit * COARSEN if before[row] else limit
+        went_on = before[row] == 1
+        limit = limit * COARSEN if went_on else limit
         whole = has_children(tree, row)
         demanded = kind[i] == TARGET and whole and tree.error_m[row] * scale[i] > limit
-        finer = whole and (before[row] or all_uploaded(tree, row, uploaded))
+        finer = whole and (went_on or all_uploaded(tree, row, uploaded))
         kept = finer and not uploaded[row]
         below[i] = -1
         if demanded:

@@ -97,8 +97,8 @@ def half_sides_m(forest: Forest, lane: Lane) -> F4:
 
 
 @kernel
-def not_among(n: int, rows: Rows, others: Rows) -> NDArray[np.bool_]:
-    """Say which of some rows below `n` are not among others.
+def are_among(n: int, rows: Rows, others: Rows) -> NDArray[np.bool_]:
+    """Say which of some rows below `n` are among others.
 
     A store may hold a hundred times more rows than a view visits: only what is read is
     written before.
@@ -106,7 +106,7 @@ def not_among(n: int, rows: Rows, others: Rows) -> NDArray[np.bool_]:
     among = np.empty(n, np.bool_)
     among[rows] = False
     among[others] = True
-    return ~among[rows]
+    return among[rows]
 
 
 def tree_bytes(tree: Tree, forest: Forest) -> int:

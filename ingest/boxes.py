@@ -61,7 +61,7 @@ def _common(one: tuple[float, ...], other: Box, turn: float) -> Box | None:
     return None
 
 
-@lru_cache
+@lru_cache(65536)
 def window_in(ancestor: int, cell: int) -> tuple[float, float, float]:
     """Return (u, v, size) of a cell in an ancestor, fractions, exact."""
     depth = int(cells.level(cell)) - int(cells.level(ancestor))

@@ -15,8 +15,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.deviation_kernels import framed, measure, only_in, over_posts
-from ingest.distance import Found, Mesh, Posts
+from ingest.deviation_kernels import (
+    beyond,
+    framed,
+    measure,
+    note,
+    only_in,
+    over_posts,
+)
+from ingest.distance import Mesh, Posts
 from ingest.terrain_mesh import Surface
 from ingest.truth import Truth
 from tiles.frames import Floats
@@ -72,21 +79,18 @@ class Gaps:
         todo = surface.fresh.copy()
         if not only_in(todo, surface.uv, surface.triangles, window):
             return
-        least = np.maximum(self.far_m - truth.slack_m, 0.0) ** 2
-        found = Found(least.copy(), np.empty_like(self.uv))
+        found = beyond(self.far_m, truth.slack_m)
         offset = surface.centre - truth.centre
-        points, at, xy = framed(surface.points, surface.uv, offset, window, truth.grid)
+        parts = surface.points, surface.uv, surface.triangles
+        points, at, xy = framed(parts, todo, offset, window, truth.grid)
         x, y, z = (float(one) * upright for one in truth.centre)
-        parts = surface.triangles, surface.on_rim, surface.across
-        mesh = Mesh(points, at, xy, *parts, (x, y, z))
+        ways = surface.triangles, surface.on_rim, surface.across
+        mesh = Mesh(points, at, xy, *ways, (x, y, z))
         bend = 0.05 + float(np.abs(truth.grid[:, 3:]).sum())
         posts = Posts(truth.points, truth.uv, truth.grid, bend)
         (measure if edges else over_posts)(mesh, posts, todo, found)
-        more = np.flatnonzero(found.squared > least)
-        self.far_m[more] = np.sqrt(found.squared[more]) + truth.slack_m
-        self.uv[more] = window[:2] + found.uv[more] * window[2]
-        self.which[more] = number
-        self.far_m[todo] = np.maximum(self.far_m[todo], truth.slack_m)
+        slack_m = truth.slack_m
+        self.which[note(self.far_m, self.uv, todo, found, slack_m, window)] = number
 
 
 def deviation_of(

@@ -8,6 +8,7 @@ is taken out of a tuple its references are counted, which took longer than the s
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.crossings import crossed, inside
 from ingest.distance import (
     Found,
     Mesh,
@@ -32,13 +33,31 @@ OVER = -1e-9
 
 @kernel
 def framed(
-    points: Floats, uv: Floats, offset: Floats, window: Window, grid: Floats
+    surface: tuple[Floats, Floats, Ints],
+    todo: Flags,
+    offset: Floats,
+    window: Window,
+    grid: Floats,
 ) -> tuple[Floats, Floats, Floats]:
-    """Return a surface's vertices as seen from a leaf: see `Mesh`."""
+    """Return a surface's vertices as seen from a leaf: see `Mesh`.
+
+    Parameters
+    ----------
+    surface : points, fractions of the cell, triangles
+    todo : triangles whose places are asked for; of other vertices only points are written
+    """
+    points, uv, triangles = surface
     there, at, xy = np.empty_like(points), np.empty_like(uv), np.empty_like(uv)
+    asked = np.zeros(len(uv), np.bool_)
+    for t in range(len(triangles)):
+        if todo[t]:
+            asked[triangles[t, 0]] = asked[triangles[t, 1]] = True
+            asked[triangles[t, 2]] = True
     for i in range(len(uv)):
         for k in range(3):
             there[i, k] = points[i, k] + offset[k]
+        if not asked[i]:
+            continue
         at[i, 0], at[i, 1] = (
             (uv[i, 0] - window[0]) / window[2],
             (uv[i, 1] - window[1]) / window[2],
@@ -63,6 +82,33 @@ def only_in(todo: Flags, uv: Floats, triangles: Ints, window: Window) -> bool:
             )
             left = left or todo[t]
     return left
+
+
+@kernel
+def beyond(far_m: Floats, slack_m: float) -> Found:
+    """Begin with what is left of distances without a slack."""
+    left = np.empty_like(far_m)
+    for t in range(len(far_m)):
+        left[t] = max(far_m[t] - slack_m, 0.0) ** 2
+    return Found(left, np.empty((len(far_m), 2)))
+
+
+@kernel
+def note(
+    far_m: Floats, uv: Floats, todo: Flags, found: Found, slack_m: float, window: Window
+) -> Flags:
+    """Write down what was found of those triangles that were to do; says which rose."""
+    rose = np.zeros(len(far_m), np.bool_)
+    for t in range(len(far_m)):
+        if not todo[t]:
+            continue
+        if found.squared[t] > max(far_m[t] - slack_m, 0.0) ** 2:
+            rose[t] = True
+            far_m[t] = np.sqrt(found.squared[t]) + slack_m
+            uv[t, 0] = window[0] + found.uv[t, 0] * window[2]
+            uv[t, 1] = window[1] + found.uv[t, 1] * window[2]
+        far_m[t] = max(far_m[t], slack_m)
+    return rose
 
 
 @kernel
@@ -166,7 +212,7 @@ def _edges(mesh: Mesh, grid: Floats, todo: Flags) -> tuple[Ints, Floats]:
         if not todo[t] or (p > q and not (rim[p] and rim[q])):
             continue
         u, v, du, dv = at[p, 0], at[p, 1], at[q, 0] - at[p, 0], at[q, 1] - at[p, 1]
-        low, high = _inside(u, v, at[q, 0], at[q, 1])
+        low, high = inside(u, v, at[q, 0], at[q, 1])
         if low > high:
             continue
         x0, y0, x1, y1 = xy[p, 0], xy[p, 1], xy[q, 0], xy[q, 1]
@@ -196,7 +242,7 @@ def _along_edges(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
         on_rim = rim[p] and rim[q] and beside
         low, long = parts[i, 0], parts[i, 1] - parts[i, 0]
         for family in range(3 + int(on_rim)):
-            start, end = _crossed(family, parts, i)
+            start, end = crossed(family, parts, i)
             if abs(end - start) < 1e-9:
                 continue
             first, last = int(np.ceil(min(start, end))), int(np.floor(max(start, end)))
@@ -231,31 +277,3 @@ def _between(points: Floats, p: int, q: int, f: float) -> Point:
         points[p, 1] + f * (points[q, 1] - points[p, 1]),
         points[p, 2] + f * (points[q, 2] - points[p, 2]),
     )
-
-
-@inlined
-def _crossed(family: int, parts: Floats, i: int) -> tuple[float, float]:
-    """Return what an edge's ends are in columns, rows or diagonals; or 0 and 1."""
-    start, end = 0.0, 1.0
-    if family == 0:
-        start, end = parts[i, 2], parts[i, 4]
-    elif family == 1:
-        start, end = parts[i, 3], parts[i, 5]
-    elif family == 2:
-        start, end = parts[i, 2] - parts[i, 3], parts[i, 4] - parts[i, 5]
-    return start, end
-
-
-@inlined
-def _inside(u0: float, v0: float, u1: float, v1: float) -> tuple[float, float]:
-    """Return the part of an edge inside the leaf, fractions from start to end."""
-    low, high = 0.0, 1.0
-    if min(u0, v0, u1, v1) < 0.0 or max(u0, v0, u1, v1) > 1.0:
-        for start, step in ((u0, u1 - u0), (v0, v1 - v0)):
-            if step == 0.0:
-                if start < 0.0 or start > 1.0:
-                    high = -1.0
-                continue
-            one, other = -start / step, (1.0 - start) / step
-            low, high = max(low, min(one, other)), min(high, max(one, other))
-    return low, high

@@ -8,6 +8,7 @@ there, and is exaggerated as in a tile that is made of that source's posts.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ingest.mosaic import Mosaic
 from tiles.frames import WGS84_A_M, Floats
@@ -16,6 +17,8 @@ WIDER = 1.5
 """A lattice finer than the posts by this factor takes slopes over the posts' spacing."""
 LEAF_TEXELS = 8.0
 """About how many texels of a leaf made of a source's posts are as long as their spacing"""
+HOLE_POSTS = 8
+"""A hole in a source that is no wider is shaded like the ground around it."""
 STEEPER, STEEP_M, MOST_DECADES = 2.2, 100.0, 2.5
 """Slopes are exaggerated more by so much for each decade of texels above so many metres."""
 
@@ -43,10 +46,24 @@ def slopes_of(
         found = mosaic.spacing_m(inner_lon.ravel(), inner_lat.ravel())
         spacing_m = found.reshape(inner_lon.shape)
         wide = np.isfinite(spacing_m) & (spacing_m > WIDER * step_m)
+        wide[wide] = ~_in_hole(mosaic, inner_lon[wide], inner_lat[wide], spacing_m[wide])
         places = inner_lon[wide], inner_lat[wide]
         out[wide, :2] = _wide_slopes(mosaic, *places, spacing_m[wide], step_m)
         out[wide, 2] = steeper_of(np.maximum(texel_m, spacing_m[wide] / LEAF_TEXELS))
     return out
+
+
+def _in_hole(
+    mosaic: Mosaic, lon: Floats, lat: Floats, spacing_m: Floats
+) -> NDArray[np.bool_]:
+    """Say which places, (k,), a finer source surrounds than the one that shows there."""
+    found = np.zeros(lon.shape, bool)
+    for layer in mosaic.layers:
+        at = np.flatnonzero(layer.spacing_m < spacing_m)
+        if len(at):
+            around_m = layer.heights(lon[at], lat[at], HOLE_POSTS * layer.spacing_m)
+            found[at] |= np.isfinite(around_m)
+    return found
 
 
 def steeper_of(texel_m: Floats) -> Floats:

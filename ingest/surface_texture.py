@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, overlap
-from ingest.drape import COARSE_M, SHARE, drape
+from ingest.drape import SHARE, drape
 from ingest.layer import Layer
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel, summing
@@ -58,6 +58,10 @@ SHORE_M = np.float32(0.2), np.float32(1.5)
 """The tint is the sea's up to the first height, the land's from the second on."""
 SURE_M, SURE_SHARE = (np.float32(-1.0), np.float32(60.0)), np.float32(1 / 30.0)
 """Heights between which fine posts know what is sea: land may lie lower, lakes higher."""
+UNSURE = np.float32(1 / 60.0)
+"""So many metres from sea level on, coarse posts surely know what is sea."""
+KNOWN = np.float32(1.001)
+"""Posts say that all is sea where more is known."""
 LEVEL, STEEPER = np.float32(0.9999), np.float32(1 / 0.0002)
 """Upward part of a unit normal of ground too steep for water: from 0.8 degrees on."""
 OPAQUE = np.float32(0.999)
@@ -71,7 +75,7 @@ def colours(
     slopes: Floats,
     elevation_m: Floats,
     pictures: list[Layer],
-    spacing_m: float = np.inf,
+    knows: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Paint a cell.
 
@@ -80,15 +84,14 @@ def colours(
     slopes : (n + 1, n + 1, 3) float64, of `slopes_of` at posts of the cell
     elevation_m : (n + 1, n + 1) float64, the same posts above sea level
     pictures : coarsest first; the finest that covers a texel wins
-    spacing_m : between the posts of the finest elevation model that covers the cell
+    knows : (n + 1, n + 1) float32, of `coast_of`
 
     Returns
     -------
     (256, 256, 3) float32, sRGB 0..255, row 0 south
     """
-    posts, picture = _posts(slopes, elevation_m), drape(cell, pictures)
-    knows = np.float32(spacing_m < COARSE_M)
-    return _painted(posts, picture, _snow_line_m(cell), knows)
+    posts, picture = _posts(slopes, elevation_m, knows), drape(cell, pictures)
+    return _painted(posts, picture, _snow_line_m(cell))
 
 
 def _snow_line_m(cell: int) -> NDArray[np.float32]:
@@ -122,28 +125,27 @@ def texel_m_of(
 
 
 @kernel
-def _posts(slopes: Floats, elevation_m: Floats) -> Rows:
-    """Return the posts' unit normals, east-north-up, elevations, exaggerations.
+def _posts(slopes: Floats, elevation_m: Floats, knows: Rows) -> Rows:
+    """Return the posts' unit normals, east-north-up, elevations, exaggerations, `knows`.
 
     Returns
     -------
-    (n + 1, n + 1, 5) float32
+    (n + 1, n + 1, 6) float32
     """
     side = len(slopes)
-    out = np.empty((side, side, 5), np.float32)
+    out = np.empty((side, side, 6), np.float32)
     for r in range(side):
         for c in range(side):
             east, north = slopes[r, c, 0], slopes[r, c, 1]
             up = 1.0 / np.sqrt(east * east + north * north + 1.0)
             out[r, c, 0], out[r, c, 1], out[r, c, 2] = east * up, north * up, up
             out[r, c, 3], out[r, c, 4] = elevation_m[r, c], slopes[r, c, 2]
+            out[r, c, 5] = knows[r, c]
     return out
 
 
 @summing
-def _painted(
-    posts: Rows, picture: Rows, snow_m: NDArray[np.float32], knows: np.float32
-) -> Rows:
+def _painted(posts: Rows, picture: Rows, snow_m: NDArray[np.float32]) -> Rows:
     """Paint every texel: height tint, snow, rock where it is steep, picture, relief.
 
     Parameters
@@ -151,18 +153,17 @@ def _painted(
     posts : of `_posts`, row 0 south
     picture : (256, 256, 5) of `drape`
     snow_m : (256,) of `_snow_line_m`
-    knows : 1 where the posts tell where the coast is, 0 where they are too far apart
     """
     side, size = posts.shape[0] - 1, picture.shape[0]
     out = np.empty((size, size, 3), np.float32)
     spread = np.float32(side / size)
-    step, row = 0, np.empty((side + 1, 5), np.float32)
+    step, row = 0, np.empty((side + 1, 6), np.float32)
     for y in range(size):
         v = (np.float32(y) + np.float32(0.5)) * spread
         r = min(int(v), side - 1)
         fy = v - np.float32(r)
         for c in range(side + 1):
-            for k in range(5):
+            for k in range(6):
                 row[c, k] = posts[r, c, k] + fy * (posts[r + 1, c, k] - posts[r, c, k])
         for x in range(size):
             u = (np.float32(x) + np.float32(0.5)) * spread
@@ -173,6 +174,7 @@ def _painted(
             up = row[c, 2] + fx * (row[c + 1, 2] - row[c, 2])
             height = row[c, 3] + fx * (row[c + 1, 3] - row[c, 3])
             steeper = row[c, 4] + fx * (row[c + 1, 4] - row[c, 4])
+            knows = row[c, 5] + fx * (row[c + 1, 5] - row[c, 5])
             step = _step(height, step)
             part = (height - TINT_M[step]) / (TINT_M[step + 1] - TINT_M[step])
             part = min(max(part, ZERO), ONE)
@@ -203,7 +205,8 @@ def _kept(texel: Rows, height: np.float32, up: np.float32, knows: np.float32) ->
 
     Where picture and height don't agree on what is sea, one of both colours is left out,
     else their edges cross each other: the picture's where the posts know better, near
-    sea level or where the ground is too steep for water; or else the tint.
+    sea level or where the ground is too steep for water; or else the tint. Near sea level
+    coarse posts tell nothing: there the picture has the coast, and the tint none.
 
     Parameters
     ----------
@@ -218,8 +221,10 @@ def _kept(texel: Rows, height: np.float32, up: np.float32, knows: np.float32) ->
     agreed = ONE - abs(wet - sea)
     low = (height - SURE_M[0]) if height < ZERO else (SURE_M[1] - height) * SURE_SHARE
     steep = (LEVEL - up) * STEEPER if height > ZERO else ZERO
-    known = knows * min(max(low, steep, ZERO), ONE)
-    alone = (ONE - (ONE - share) * agreed) / share
+    near = min(knows, ONE)
+    known = near * min(max(low, steep, ZERO), ONE) if knows <= KNOWN else ONE
+    sure = near + (ONE - near) * min(abs(height) * UNSURE, ONE)
+    alone = (ONE - (ONE - share) * agreed * sure) / share
     return np.float32(known * agreed + (ONE - known) * alone)
 
 

@@ -19,6 +19,7 @@ class Plan:
 
     def __init__(self, mosaic: Mosaic, pictures: list[Layer]) -> None:
         self._mosaic, self._pictures = mosaic, pictures
+        self._held: dict[int, list[Layer]] = {}
 
     def cut(self, root: int, most: int) -> list[int]:
         """Return subtrees of about `most` leaves, by area, that cover a zone."""
@@ -72,8 +73,10 @@ class Plan:
 
     def held(self, cell: int) -> list[Layer]:
         """Return the elevation models with posts in a cell, coarsest first."""
-        box = list(edges_rad(cell))
-        return [layer for layer in self._mosaic.layers if layer.holds(box)]
+        if cell not in self._held:
+            box = list(edges_rad(cell))
+            self._held[cell] = [one for one in self._mosaic.layers if one.holds(box)]
+        return self._held[cell]
 
     def leaf_bound_m(self, cell: int) -> float:
         """Return a hundredth of the source's post spacing, or half its own step.

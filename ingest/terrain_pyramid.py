@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from ingest.boxes import Box, touches, window_in
 from ingest.deviation import Gaps
-from ingest.fitting import fitted
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
-from ingest.rungs import Rung, joined_mesh, laddered
+from ingest.rungs import Rung, joined_mesh, laddered, laddered_inner
 from ingest.terrain_mesh import Places, Surface, build_surface
 from ingest.terrain_plan import Plan
 from ingest.terrain_tile import (
@@ -35,7 +34,7 @@ from tiles import bounds, cells, terrain
 from tiles.codec import checksum
 from tiles.index_tree import INDEX, RUNG_FIELDS
 from tiles.lanes import Lane
-from tiles.terrain import TEXTURE_SIDE, TerrainTile, encode
+from tiles.terrain import TEXTURE_SIDE, TerrainTile, blocked, encode
 
 HEIGHTS = "min_height_m", "max_height_m"
 FLAT_TRIANGLES = 200
@@ -161,7 +160,8 @@ class ZoneBuilder:
             node.children = []
             return self._leaf(node, places)
         bound_m = inner_bound_m(cell)
-        node.surface, node.error_m = fitted(cell, places, bound_m, node.truths, leaf=False)
+        made = laddered_inner(cell, places, bound_m, node.truths)
+        node.surface, node.error_m, node.rungs = made
         for child in node.children:
             self._finish(child)
         return node
@@ -260,9 +260,10 @@ class ZoneBuilder:
         texture, finer_m = painted(self._mosaic, held, self._pictures, node.cell)
         texel_m = finer_m if node.children else 0.0
         count = 3 * len(surface.triangles)
-        mesh, rungs = joined_mesh(surface, node.rungs)
+        coarser = [rung for rung in node.rungs if rung.error_m > node.error_m]
+        mesh, rungs = joined_mesh(surface, coarser)
         parts = count, node.error_m, texel_m, texture, rungs
-        tile = TerrainTile(node.cell, mesh, *parts)
+        tile = blocked(TerrainTile(node.cell, mesh, *parts))
         body = encode(tile)
         record = np.zeros(1, INDEX)
         # Between posts a triangle cuts through the planet, by no more than the error.

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ingest import bc1
 from ingest.boxes import Box, edge_m, edges_rad, overlap, window_in
+from ingest.coast import coast_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.relief import slopes_of
@@ -28,7 +29,7 @@ LEAF_SIDE = 45
 """Posts along an edge of the largest leaf; the smallest has half: about 64 x 64"""
 RELIEF_SIDE = 128
 """Squares along an edge of the lattice that relief is shaded from"""
-LEAST_RELIEF_SIDE = 2
+LEAST_RELIEF_SIDE = 32
 INSET_SIDE = 48
 """Squares along an edge of the lattice over a source in a large cell"""
 LARGEST_BOUND_M = 3000.0
@@ -110,8 +111,6 @@ def painted(
     heights, zero = found.reshape(lon.shape), sea.reshape(lon.shape)
     elevation = heights - zero
     slopes = slopes_of(mosaic, lon, lat, heights, (step, step_m(cell, TEXTURE_SIDE)))
-    inner = elevation[1:-1, 1:-1]
-    whole = [m.spacing_m for m in held if overlap(cell, m.bounds_deg) == edges_rad(cell)]
-    covering_m = min(whole, default=np.inf)
-    texture = bc1.encode(colours(cell, slopes, inner, pictures, covering_m))
+    inner, knows = coast_of(cell, held, (lon, lat, zero, elevation), step)
+    texture = bc1.encode(colours(cell, slopes, inner, pictures, knows))
     return texture, texel_m_of(cell, elevation, held, pictures)

@@ -32,6 +32,10 @@ class TileFault(Exception):  # noqa: N818 - the word of the documents; an error 
         super().__init__(f"{lane} tile {cell}: {reason}")
 
 
+class ReadFault(TileFault):
+    """A tile that could not be read this time: what is stored may be as it was written."""
+
+
 def is_interrupt(error: BaseException | None) -> bool:
     """Say whether Ctrl-C is behind an error: compiled code wraps it in SystemErrors."""
     while error is not None and not isinstance(error, KeyboardInterrupt):

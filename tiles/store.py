@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tiles import cells
 from tiles.closing import Closing
 from tiles.codec import checksum
-from tiles.errors import InputError, TileFault
+from tiles.errors import InputError, ReadFault, TileFault
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.schema import APPLICATION_ID, FORMAT_VERSION
@@ -87,11 +87,15 @@ class Store(Closing):
 
         Raises
         ------
+        ReadFault
+            When it can't be read now: the file is busy, or the disk fails.
         TileFault
-            When the tile is gone, can't be read, or is not what was written.
+            When the tile is gone, or is not what was written.
         """
         try:
             body = self.body(row)
+        except sqlite3.OperationalError as error:
+            raise ReadFault(lane.name, cells.text(cell), str(error)) from error
         except sqlite3.DatabaseError as error:
             raise TileFault(lane.name, cells.text(cell), str(error)) from error
         if not body:

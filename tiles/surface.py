@@ -133,8 +133,8 @@ class Surface:
         Parameters
         ----------
         lon_rad, lat_rad : (n,) float64
-        within_m : (n,) the leaf's rungs and the tiles above it count up to this screen
-            error, m (the mesh's or a texel)
+        within_m : (n,) rungs and the tiles above the leaf count up to this screen error,
+            m (the mesh's or a texel)
 
         Returns
         -------
@@ -142,14 +142,13 @@ class Surface:
         """
         rows = self.rows(lon_rad, lat_rad)
         low, at = np.full(len(rows), np.inf), np.arange(len(rows))
-        for rung in range(1, MOST_RUNGS + 1):
-            coarse = np.flatnonzero(
-                (rows >= 0) & (self._rung_m[rows, rung - 1] <= within_m)
-            )
-            places = lon_rad[coarse], lat_rad[coarse]
-            height = self.heights_in(rows[coarse], *places, rung)
-            low[coarse] = np.minimum(low[coarse], height)
         while len(at):
+            for rung in range(1, MOST_RUNGS + 1):
+                good = self._rung_m[rows, rung - 1] <= within_m[at]
+                few = np.flatnonzero((rows >= 0) & good)
+                places = lon_rad[at[few]], lat_rad[at[few]]
+                height = self.heights_in(rows[few], *places, rung)
+                low[at[few]] = np.minimum(low[at[few]], height)
             rows = self._parent[rows]
             coarse = np.flatnonzero((rows >= 0) & (self.selected_m[rows] <= within_m[at]))
             rows, at = rows[coarse], at[coarse]

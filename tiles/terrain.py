@@ -4,19 +4,24 @@
 Between the error of a leaf and that of its parent lies a factor of ten and more. So a leaf
 may have rungs: coarser meshes over the same vertices, each with a measured error of its
 own, for views that need no more.
+
+The triangles of each mesh are sorted into blocks (tiles/blocks.py), so that a view draws
+only those that it can see.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tiles.blocks import BLOCK, BLOCKS, FEWEST, in_blocks
 from tiles.codec import header_of, pack, unpack
 from tiles.errors import TileFault
 from tiles.index_tree import RUNG_FIELDS
 from tiles.lanes import Lane
 from tiles.mesh import Mesh
 
+MOST_IN_BLOCK = np.iinfo(BLOCK["count"]).max
 TEXTURE_SIDE = 256
 """Texels along an edge; a cell's texel is then as large as its error bound, edge / 256."""
 MIP_SIDES = (256, 128, 64, 32, 16, 8, 4)
@@ -39,6 +44,11 @@ def no_rungs() -> NDArray[np.void]:
     return np.zeros(0, RUNG)
 
 
+def no_blocks() -> NDArray[np.void]:
+    """Return what a tile has in which no mesh is in blocks."""
+    return np.zeros((0, BLOCKS), BLOCK)
+
+
 @dataclass(frozen=True, slots=True)
 class TerrainTile:
     """The data of one terrain cell."""
@@ -56,6 +66,8 @@ class TerrainTile:
     """(TEXTURE_BYTES,) BC1 blocks, row 0 south, sRGB, relief shading baked in"""
     rungs: NDArray[np.void] = field(default_factory=no_rungs)
     """(r,) RUNG, finer first"""
+    blocks: NDArray[np.void] = field(default_factory=no_blocks)
+    """(1 + r, BLOCKS) BLOCK of the whole mesh and its rungs, or none"""
 
     def parts(self) -> NDArray[np.void]:
         """Return what can be drawn, as RUNG: the whole mesh, then the rungs."""
@@ -72,26 +84,40 @@ class TerrainTile:
         return self.mesh.indices[first:last].reshape(-1, 3)
 
 
+def blocked(tile: TerrainTile) -> TerrainTile:
+    """Return a tile with the triangles of its meshes sorted into blocks, if it has many."""
+    most = int(tile.parts()["surface_index_count"].max()) // 3
+    if tile.surface_index_count < 3 * FEWEST or most > MOST_IN_BLOCK:
+        return replace(tile, blocks=no_blocks())
+    indices, blocks, mesh = tile.mesh.indices.copy(), [], tile.mesh
+    for rung, part in enumerate(tile.parts()):
+        triangles, found = in_blocks(tile.surface(rung), mesh.vertices, mesh.centre)
+        first = int(part["first_index"])
+        indices[first : first + triangles.size] = triangles.ravel()
+        blocks.append(found)
+    return replace(tile, mesh=replace(mesh, indices=indices), blocks=np.stack(blocks))
+
+
 def encode(tile: TerrainTile) -> bytes:
     """Return the stored body of a tile."""
     head = header_of(Lane.TERRAIN, tile.cell, tile.mesh)
     head["error_m"], head["texel_m"] = tile.error_m, tile.texel_m
     head["surface_index_count"] = tile.surface_index_count
-    return pack(head, tile.mesh, tile.texture.tobytes(), tile.rungs.tobytes())
+    head["object_count"] = tile.blocks.shape[1] if len(tile.blocks) else 0
+    tail = tile.texture, tile.rungs, tile.blocks
+    return pack(head, tile.mesh, *(one.tobytes() for one in tail))
 
 
 def decode(body: bytes) -> TerrainTile:
-    """Return the tile of a stored body, as views on the decompressed bytes."""
+    """Return the tile of a stored body, as views on the decompressed bytes.
+
+    Raises
+    ------
+    TileFault
+    """
     head, mesh, tail = unpack(Lane.TERRAIN, body)
-    more = len(tail) - TEXTURE_BYTES
-    whole = more >= 0 and more % RUNG.itemsize == 0 and more <= MOST_RUNGS * RUNG.itemsize
-    if not whole or head["surface_index_count"] > head["index_count"]:
-        raise TileFault("TERRAIN", str(int(head["cell"])), "its parts have another length")
-    rungs = np.frombuffer(tail, RUNG, offset=TEXTURE_BYTES)
-    ends = rungs["first_index"].astype(np.int64) + rungs["index_count"]
-    if (ends > head["index_count"]).any():
-        raise TileFault("TERRAIN", str(int(head["cell"])), "a rung beyond its indices")
-    return TerrainTile(
+    rungs, blocks = _tables(head, tail)
+    tile = TerrainTile(
         int(head["cell"]),
         mesh,
         int(head["surface_index_count"]),
@@ -99,4 +125,40 @@ def decode(body: bytes) -> TerrainTile:
         float(head["texel_m"]),
         np.frombuffer(tail, np.uint8, TEXTURE_BYTES),
         rungs,
+        blocks,
     )
+    _require_parts(tile)
+    return tile
+
+
+def _tables(head: np.void, tail: memoryview) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return rungs and blocks; how many rungs there are, the length says."""
+    count = int(head["object_count"])
+    of_mesh = count * BLOCK.itemsize
+    rungs, rest = divmod(len(tail) - TEXTURE_BYTES - of_mesh, RUNG.itemsize + of_mesh)
+    if rest or not 0 <= rungs <= MOST_RUNGS or count not in (0, BLOCKS):
+        raise TileFault("TERRAIN", str(int(head["cell"])), "its parts have another length")
+    end = TEXTURE_BYTES + rungs * RUNG.itemsize
+    table = np.frombuffer(tail[:end], RUNG, offset=TEXTURE_BYTES)
+    return table, np.frombuffer(tail[end:], BLOCK).reshape(-1, BLOCKS)
+
+
+def _require_parts(tile: TerrainTile) -> None:
+    """Check that the tables name what is there."""
+    parts = tile.parts()
+    first, surface, whole = (
+        parts[name].astype(np.int64)
+        for name in ("first_index", "surface_index_count", "index_count")
+    )
+    fault = None
+    if surface[0] > whole[0]:
+        fault = "its parts have another length"
+    elif (first + whole > len(tile.mesh.indices)).any() or (surface > whole).any():
+        fault = "a rung beyond its indices"
+    elif (
+        len(tile.blocks)
+        and (3 * tile.blocks["count"].sum(axis=1, dtype=np.int64) != surface).any()
+    ):
+        fault = "its blocks are not its surface"
+    if fault:
+        raise TileFault("TERRAIN", str(tile.cell), fault)

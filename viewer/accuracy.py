@@ -1,38 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """`geopage accuracy`: the geometric pixel error of settled random views, in figures."""
 
-import csv
-import json
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geopage.draw_list import DrawList
-from geopage.settings import PagerSettings
+from geopage.settings import MIB, PagerSettings
 from geopage.view import ViewState
-from tiles.errors import InputError
 from tiles.frames import Ecef, Floats
 from tiles.lanes import Lane
 from tiles.post_tree import PostTree, build_tree
 from tiles.source_posts import read_rasters, terrain_sources
 from tiles.store import Store
+from viewer.accuracy_files import write
 from viewer.camera import Pose, pixel_rays, view_state
 from viewer.drawn_surface import DrawnTiles
-from viewer.geometric_error import FrameError, Hits, Seen, geometric_error
+from viewer.geometric_error import FrameError, Hits, Seen, geometric_error, reference
+from viewer.globe_flights import globe_flights
+from viewer.machine import machine
 from viewer.progress import bar
+from viewer.random_heights import random_heights
 from viewer.random_views import boxes_of, random_poses
 from viewer.renderer import Renderer
+from viewer.selection_times import selection_times
 from viewer.session import Picture, Session
 from viewer.tally import Judged, Tally
 
 NO_OBJECTS_PX = 1e9
-COLUMNS = (
-    *("lat_deg", "lon_deg", "height_m", "heading_deg", "pitch_deg", "judged"),
-    *("p50", "p95", "p99", "max", "share_within_threshold", "raised_threshold_px"),
-)
 Json = dict[str, Any]
 
 
@@ -80,57 +78,115 @@ def read_tree(store: Store) -> PostTree:
         return build_tree(read_rasters(store, show))
 
 
-def accuracy(
-    store: Path,
-    settings: PagerSettings,
-    picture: Picture,
-    count: int,
-    seed: int,
-    out: Path | None = None,
-) -> Json:
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is to be measured."""
+
+    thresholds_px: tuple[float, ...]
+    views: int
+    seed: int = 1
+    size_px: tuple[int, int] = (320, 240)
+    budget_bytes: int = 512 * MIB
+    all: bool = False
+    """besides views: heights at random places, flights over the poles, selection"""
+
+
+def accuracy(store: Path, asked: Asked, out: Path | None = None) -> Json:
     """Judge settled random views of a store's terrain.
+
+    Parameters
+    ----------
+    out : folder for accuracy.json, views.csv, ACCURACY.md and its chart
 
     Returns
     -------
-    The `geometric_error_px` object, with the views' settings and the worst view.
+    The settings, and the `geometric_error_px` object with the worst view; of several
+    thresholds a list `thresholds` of such objects. With `all` also `heights`, `flights`
+    and `selection`.
 
     Raises
     ------
     InputError
     """
-    alone = replace(settings, object_threshold_px=NO_OBJECTS_PX)
-    with Session(store, alone, picture) as session:
+    finest_px = min(asked.thresholds_px)
+    settings = PagerSettings(finest_px, NO_OBJECTS_PX, asked.budget_bytes)
+    with Session(store, settings, Picture(asked.size_px)) as session:
         judge = Judge(session)
-        sources = terrain_sources(session.store)
-        poses = random_poses(session.surface, boxes_of(sources), count, seed)
-        tally = Tally(settings.threshold_px)
-        with bar("judging views", count, "views") as show:
-            for done, pose in enumerate(poses):
-                tally.add(judge_pose(session, judge, pose, settings.threshold_px))
-                show(done + 1)
-        about = {"views": count, "seed": seed, "size_px": picture.size_px}
-        report = {**tally.figures(), **about, "faults": list(session.pager.faults)}
+        tallies = judge_views(session, judge, asked)
+        report = report_of(session, asked, tallies)
+        if asked.all:
+            report["heights"] = random_heights(
+                session.surface, judge.tree, session.store, asked.seed
+            )
+            report["flights"] = globe_flights(session, asked.thresholds_px)
+            report["selection"] = selection_times(session.pager.forests)
     if out:
-        write(out, report, tally.rows)
+        write(out, report, tallies)
     return report
 
 
-def judge_pose(session: Session, judge: Judge, pose: Pose, threshold_px: float) -> Judged:
-    """Settle one view, draw its terrain alone, and measure it."""
+def judge_views(session: Session, judge: Judge, asked: Asked) -> list[Tally]:
+    """Settle, draw and measure every view at every threshold, the largest first.
+
+    The finer tiles of a smaller threshold then never stay in a view of a larger one.
+    """
+    boxes = boxes_of(terrain_sources(session.store))
+    poses = random_poses(session.surface, boxes, asked.views, asked.seed)
+    tallies = [Tally(px) for px in sorted(asked.thresholds_px)]
+    with bar("judging views", asked.views, "views") as show:
+        for done, pose in enumerate(poses):
+            hits = None
+            for tally in reversed(tallies):
+                session.pager.set_limits(tally.threshold_px, NO_OBJECTS_PX)
+                judged, hits = judge_pose(session, judge, pose, tally.threshold_px, hits)
+                tally.add(judged)
+            show(done + 1)
+    return tallies
+
+
+def report_of(session: Session, asked: Asked, tallies: list[Tally]) -> Json:
+    """Return all views in figures, and where they were measured."""
+    found = []
+    for tally in tallies:
+        triangles = [row["triangles"] for row in tally.rows]
+        found.append(tally.figures() | {"triangles_mean": float(np.mean(triangles))})
+    views = found[0] if len(found) == 1 else {"thresholds": found}
+    about = {"views": asked.views, "seed": asked.seed, "size_px": asked.size_px}
+    where = {"store": session.store.path.name, "machine": machine(session.renderer.gl)}
+    return {**views, **about, **where, "faults": list(session.pager.faults)}
+
+
+def judge_pose(
+    session: Session,
+    judge: Judge,
+    pose: Pose,
+    threshold_px: float,
+    hits: Hits | None = None,
+) -> tuple[Judged, Hits]:
+    """Settle one view, draw its terrain alone, and measure it.
+
+    Parameters
+    ----------
+    hits : what this returned for the same pose, where it was asked before
+    """
     view = view_state(pose, session.picture.size_px)
     drawn, _ = session.settle(view)
     bare = without_objects(drawn)
-    session.renderer.draw(bare, view)
+    stats = session.renderer.draw(bare, view)
     about: Json = {
+        "threshold_px": threshold_px,
         "lat_deg": math.degrees(pose.lat_rad),
         "lon_deg": math.degrees(pose.lon_rad),
         "height_m": pose.height_m,
         "heading_deg": math.degrees(pose.heading_rad),
         "pitch_deg": math.degrees(pose.pitch_rad),
+        "triangles": stats.triangles,
     }
     if drawn.threshold_px > threshold_px * (1 + 1e-9):
         about["raised_threshold_px"] = drawn.threshold_px  # memory was short
-    return Judged(about, judge.judge(bare, seen_in(session.renderer, view), threshold_px))
+    seen = seen_in(session.renderer, view)
+    hits = hits or reference(judge.tree, seen)
+    return Judged(about, judge.judge(bare, seen, threshold_px, hits=hits)), hits
 
 
 def without_objects(drawn: DrawList) -> DrawList:
@@ -145,63 +201,3 @@ def seen_in(renderer: Renderer, view: ViewState) -> Seen:
     tile = np.where(ids > 0, ids - 1, -1).astype(np.int64)
     points: Floats = renderer.read_positions()
     return Seen(view.eye, view.forward, view.focal_px, pixel_rays(view), Ecef(points), tile)
-
-
-def write(out: Path, report: Json, rows: list[Json]) -> None:
-    """Write accuracy.json, and views.csv with a line per view.
-
-    Raises
-    ------
-    InputError
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(report, indent=2, allow_nan=False)
-        (out / "accuracy.json").write_text(text + "\n")
-        with (out / "views.csv").open("w", newline="") as file:
-            table = csv.DictWriter(file, COLUMNS)
-            table.writeheader()
-            table.writerows(rows)
-    except OSError as error:
-        advice = "name a folder that can be made"
-        raise InputError(out, str(error.strerror or error), advice) from error
-
-
-def summary(found: Json) -> str:
-    """Say what was measured in a few lines."""
-    if not found["pixels_judged"]:
-        return "no pixel could be judged: no view shows a place where a source has posts"
-    worst, share = found["worst_view"], {k: 100 * v for k, v in shares(found).items()}
-    lines = [
-        f"geometric error of {found['views']} views: p50 {found['p50']:.2f} px,"
-        f" p95 {found['p95']:.2f}, p99 {found['p99']:.2f}, largest {found['max']:.2f}",
-        f"{share['within_threshold']:.4f} % of {found['pixels_judged']:,} pixels are"
-        f" within {found['threshold_px']:g} px or the leaf's own bound; the leaf limits"
-        f" {share['limited_by_leaf']:.2f} %; {share['not_judged']:.2f} % were not judged",
-        f"worst pixel: {worst['error_px']:.2f} px, allowed {worst['limit_px']:.2f} px;"
-        f" seen with --at {worst['lat_deg']:.6f},{worst['lon_deg']:.6f},"
-        f"{worst['height_m']:.2f} --height-reference ellipsoid"
-        f" --look {worst['heading_deg']:.3f},{worst['pitch_deg']:.3f}",
-    ]
-    if "views_with_raised_threshold" in found:
-        raised = found["views_with_raised_threshold"]
-        lines.append(
-            f"{raised} views needed more than --budget: their threshold was raised"
-        )
-    if "silhouette" in found:
-        moved = {k: 100 * v for k, v in shares(found["silhouette"]).items()}
-        lines.append(
-            f"silhouettes: {moved['displaced']:.3f} % of pixels show another side,"
-            f" {moved['beyond_limit']:.3f} % by more than the limit and a pixel"
-        )
-    return "\n".join(lines)
-
-
-def shares(found: Json) -> Json:
-    """Return the shares of a report, by their names without `share_`."""
-    prefix = "share_"
-    return {
-        key.removeprefix(prefix): value
-        for key, value in found.items()
-        if key.startswith(prefix)
-    }

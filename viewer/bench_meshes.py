@@ -20,7 +20,7 @@ from tiles import cells, geodesy, terrain
 from tiles.frames import Ecef, Floats, Ints, Local
 from tiles.mesh import SKIRT, UV_ONE, VERTEX, Mesh, quantise
 from tiles.surface import Surface
-from tiles.terrain import TerrainTile, no_rungs
+from tiles.terrain import TerrainTile, blocked, no_rungs
 from viewer.bench_choices import edges_m
 from viewer.drawn_surface import boxes_of, distances_to, join
 from viewer.rtin import rtin
@@ -123,7 +123,8 @@ def with_mesh(tile: TerrainTile, lattice: Lattice, triangles: Ints) -> TerrainTi
     skirt = np.stack((rim, hang, rim[after], rim[after], hang, hang[after]), axis=-1)
     indices = np.concatenate((corners.ravel(), skirt.ravel())).astype(np.uint16)
     mesh = Mesh(tile.mesh.centre, scale_m, vertices, indices)
-    return replace(tile, mesh=mesh, surface_index_count=triangles.size, rungs=no_rungs())
+    made = replace(tile, mesh=mesh, surface_index_count=triangles.size, rungs=no_rungs())
+    return blocked(made)
 
 
 def ring(at: Ints) -> NDArray[np.int64]:

@@ -70,6 +70,28 @@ def level_m(
     return LOWER_RADIUS_M * max(east, math.sqrt(along * along + north * north))
 
 
+@inlined
+def beside_m(box_rad: NDArray[np.float64], place: Place) -> float:
+    """Return how far outside of a cell's box a place is at least, m; infinite when far."""
+    aside, beyond = angles_to_box(box_rad, place)
+    if aside + beyond > math.pi / 4:
+        return math.inf
+    return level_m(box_rad, place, aside, beyond)
+
+
+@inlined
+def may_sink(away_m: float, step_m: float, children: int) -> bool:
+    """Say whether a tile that reaches above the eye may be one that sinks.
+
+    Parameters
+    ----------
+    away_m : of `beside_m`
+    step_m : of the tile's positions
+    children : 0 where it has none
+    """
+    return away_m <= ROUNDED * step_m and (away_m > 0.0 or children != 0)
+
+
 class Drawn(NamedTuple):
     """Where the records of a draw list's terrain come from."""
 
@@ -157,14 +179,10 @@ def _near_eye(
         row = drawn.rows[int(instance[ENTRY])]
         if drawn.records[row]["max_height_m"] <= place[2]:
             continue
-        box = drawn.slots[row]["box_rad"]
-        aside, beyond = angles_to_box(box, place)
-        if aside + beyond > math.pi / 4:
-            continue
-        away_m = level_m(box, place, aside, beyond)
+        away_m = beside_m(drawn.slots[row]["box_rad"], place)
         if away_m > ROUNDED * instance[STEP]:
             instance[LEANING] = min(LEAN, CLEAR * away_m / max(instance[DEPTH], 1e-3))
-        elif aside > 0.0 or beyond > 0.0 or drawn.children[row, 0] >= 0:
+        elif may_sink(away_m, instance[STEP], drawn.children[row, 0] + 1):
             found[count] = i
             count += 1
     return found[:count]

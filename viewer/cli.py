@@ -19,6 +19,7 @@ from geopage.arguments import (
     whole,
 )
 from geopage.palettes import RAMPS
+from geopage.policies.described import described
 from geopage.scale import legend_lines
 from geopage.settings import (
     DETAILS,
@@ -87,7 +88,8 @@ def fly(words: list[str]) -> int:
     parser = Parser(
         "fly",
         "Fly a camera path and write report.json, frames.csv, flight.svg and index.html.",
-        "A paced flight runs in real time; a settled one waits at every pose.",
+        "A paced flight runs in real time; a settled one waits at every pose.\n\n"
+        f"policies (`geopage replay` has more):\n{described(POLICIES)}",
     )
     parser.add_argument("store", type=Path)
     parser.add_argument("path", type=Path, metavar="PATH.json")
@@ -107,8 +109,15 @@ def fly(words: list[str]) -> int:
         help="where the time of the frame at T_S goes; writes profile.json alone",
     )
     parser.add_argument("--poses", type=int, default=60, help="of a settled flight")
-    parser.add_argument("--policy", choices=POLICIES, default="benefit")
-    parser.add_argument("--throttle", type=THROTTLE, metavar="MIB_PER_S,LATENCY_MS")
+    parser.add_argument(
+        "--policy", choices=POLICIES, default="benefit", help="what is read next: see below"
+    )
+    parser.add_argument(
+        "--throttle",
+        type=THROTTLE,
+        metavar="MIB_PER_S,LATENCY_MS",
+        help="read as over a slow disk or line",
+    )
     parser.add_argument(
         "--fade",
         type=fade,
@@ -139,6 +148,8 @@ def fly(words: list[str]) -> int:
     if given.settled and given.fps:
         parser.error("--fps is for flights in real time")
     if given.pairs or given.profile is not None:
+        if given.film or given.fps or given.style:
+            parser.error("--pairs and --profile take no --film, --fps or --style")
         return look_closer(given)
     from viewer.run import Run, summary  # noqa: PLC0415  (opens GL)
     from viewer.run import fly as fly_path  # noqa: PLC0415
@@ -171,40 +182,6 @@ def look_closer(given: argparse.Namespace) -> int:
         print_json(found)
     else:
         print("\n".join(said))
-    return 0
-
-
-def accuracy(words: list[str]) -> int:
-    """Measure how far random views are from the sources."""
-    parser = Parser(
-        "accuracy",
-        "Measure the geometric pixel error of random settled views: the shortest distances"
-        " between what is drawn and the sources' own posts, both ways, in pixels.",
-        "Views are 10 m to 10,000 km above ground, straight down to the horizon, over the"
-        " globe and over every source. Buildings are left out.",
-    )
-    parser.add_argument("store", type=Path)
-    parser.add_argument("--views", type=whole, default=20, metavar="N")
-    parser.add_argument("--seed", type=int, default=1, metavar="S")
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="write accuracy.json and views.csv there"
-    )
-    drawing(parser)
-    parser.set_defaults(size=(320, 240))
-    given = parser.read(words)
-    if given.seed < 0:
-        parser.error("--seed is below 0")
-    from viewer.accuracy import accuracy as measure  # noqa: PLC0415  (opens GL)
-    from viewer.accuracy import summary as in_words  # noqa: PLC0415
-
-    picture = picture_of(given)
-    found = measure(
-        given.store, settings_of(given), picture, given.views, given.seed, given.out
-    )
-    if given.json:
-        print_json(found)
-    else:
-        print(in_words(found))
     return 0
 
 
@@ -241,7 +218,9 @@ def demo(words: list[str]) -> int:
 
 def drawing(parser: Parser) -> None:
     """Add what all drawing commands have."""
-    parser.add_argument("--size", type=size, default=(1280, 720), metavar="WxH")
+    parser.add_argument(
+        "--size", type=size, default=(1280, 720), metavar="WxH", help="of the picture, px"
+    )
     parser.add_argument(
         "--threshold", type=positive, default=2.0, metavar="PX", help="largest screen error"
     )
@@ -251,7 +230,13 @@ def drawing(parser: Parser) -> None:
         metavar="PX",
         help="least projected size of an object",
     )
-    parser.add_argument("--budget", type=positive, default=512.0, metavar="MIB")
+    parser.add_argument(
+        "--budget",
+        type=positive,
+        default=512.0,
+        metavar="MIB",
+        help="for tiles and indexes",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
 

@@ -11,7 +11,7 @@ from geopage.settings import MIB, REPLAYED, PagerSettings, Throttle
 from tiles.errors import InputError
 from tiles.store import Store
 from tiles.surface import Surface
-from viewer.paging import ideal_bytes, page_flight
+from viewer.paging import ideal_bytes, needed_mib_per_s, page_flight
 from viewer.paging_chart import OURS, paging_chart
 from viewer.poses import Flight
 from viewer.progress import bar
@@ -33,7 +33,6 @@ COLUMNS = (
     ("hit", "prediction_hit_share", "{:.0%}"),
     ("undrawn", "never_drawn_share", "{:.1%}"),
 )
-LEAST_BYTES_S = 1024.0
 
 
 def replay(words: list[str]) -> int:
@@ -83,7 +82,7 @@ def replay(words: list[str]) -> int:
         raise InputError("--chart", "needs several line speeds", "add --times 0.25,0.5,1,2")
     rows = run(given)
     if given.chart:
-        paging_chart([(f"{given.path.stem} over {given.store.stem}", rows)], given.chart)
+        paging_chart({f"{given.path.stem} over {given.store.stem}": rows}, given.chart)
     if given.json:
         print_json({"path": given.path.stem, "runs": rows})
     else:
@@ -118,17 +117,18 @@ def run(given: argparse.Namespace) -> list[Row]:
     limits = given.threshold, given.object_threshold
     plain = PagerSettings(*limits, int(given.budget * MIB), fade_s=0.0)
     ideal = ideal_bytes(given.store, flight, plain)
-    lines: list[Throttle | None] = [Throttle(*given.throttle) if given.throttle else None]
+    only = Throttle(*given.throttle) if given.throttle else None
+    lines: list[tuple[float | None, Throttle | None]] = [(None, only)]
     if given.times:
-        needed = max(ideal / path.duration_s, LEAST_BYTES_S) / MIB
-        lines = [Throttle(needed * times) for times in given.times]
+        needed = needed_mib_per_s(ideal, path.duration_s)
+        lines = [(times, Throttle(needed * times)) for times in given.times]
     rows = []
-    for line in lines:
+    for times, line in lines:
         for policy in given.policy:
             settings = replace(plain, policy=policy, throttle=line)
             out = folder_of(given, settings) if given.out else None
             row = one(given.store, flight, settings, out)
-            row |= {"ideal_bytes": ideal}
+            row |= {"ideal_bytes": ideal, "times": times}
             if ideal:
                 row |= {"bytes_over_ideal": row["bytes_read"] / ideal}
             rows.append(row)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a draw list and the newest pose to GPU commands, in kernels.
+"""From a draw list and the newest pose to GPU commands, in kernels; here the terrain's.
 
 A command is what glMultiDrawElementsIndirect reads: index count, instance count, first
 index, base vertex, base instance. Its base instance is the number of its record in the
 instance array (viewer/draw_record.py). Commands are sorted from near to far, so that near
-surfaces hide far ones before those are shaded.
+surfaces hide far ones before those are shaded. A terrain tile that is only partly in the
+picture has a command for each run of its blocks there (viewer/runs.py), and one record.
 """
 
 from typing import NamedTuple
@@ -16,27 +17,28 @@ from geopage.screen_error import (
     STILL,
     Lens,
     Sweep,
-    blur_px,
     error_px_per_m,
     is_hidden,
     lens_of,
-    px_per_m,
 )
 from geopage.view import ViewState
 from tiles import geodesy
 from tiles.frames import Ecef
 from tiles.kernels import brief, inlined
 from tiles.terrain import TEXTURE_SIDE
-from viewer.clearance import LEAN
+from viewer.clearance import LEAN, beside_m, may_sink
 from viewer.draw_record import INSTANCE_FLOATS, fill
 from viewer.look import HIGH_M
+from viewer.runs import MOST_RUNS, seen_runs, whole_run
 from viewer.slots import FAR_PERIOD, NEAR_PERIOD, PATCH_M
 
 COMMAND_WORDS = 5
+TERRAIN_DRAWS = 4
+"""Commands for a terrain tile that there is room for, on average."""
 GRAIN_TEXEL_PX = 1.6
 """A texel must be larger than this for the ground to show grain (terrain.frag)."""
-NEAREST_FIRST = 1e12
-CHILDREN = 4
+TerrainDraws = tuple[int, int, float, tuple[int, int, int], int]
+"""Of `cull_terrain`"""
 
 
 class Eye(NamedTuple):
@@ -74,24 +76,15 @@ def is_visible(centre: NDArray[np.float64], radius_m: float, eye: Eye) -> bool:
 
 
 @inlined
-def _command(command: NDArray[np.uint32], slot: np.void, first: int, count: int) -> None:
+def put_command(
+    command: NDArray[np.uint32], slot: np.void, first: int, count: int, instance: int
+) -> None:
+    """Write a command that draws a range of a mesh with a record."""
     command[0] = count
     command[1] = 1
     command[2] = slot["first_index"] + first
     command[3] = slot["base_vertex"]
-
-
-@inlined
-def _sort(
-    keys: NDArray[np.float64],
-    commands: NDArray[np.uint32],
-    sorted_commands: NDArray[np.uint32],
-    n: int,
-) -> None:
-    order = np.argsort(keys[:n])
-    for i in range(n):
-        sorted_commands[i] = commands[order[i]]
-        sorted_commands[i, 4] = order[i]
+    command[4] = instance
 
 
 class Room(NamedTuple):
@@ -125,6 +118,29 @@ class Lists(NamedTuple):
     half_m: NDArray[np.float32]
     """(n, 3) `Tree.half_m`"""
     records: NDArray[np.void]
+    blocks: NDArray[np.void]
+    """(layers, 1 + MOST_RUNGS, BLOCKS) of terrain tiles, by texture layer"""
+
+
+@brief
+def terrain_runs(
+    lists: Lists, row: int, part: int, eye: Eye, runs: NDArray[np.int64]
+) -> int:
+    """Write what of a visible tile's mesh may be in the picture; returns how many runs.
+
+    Parameters
+    ----------
+    runs : (MOST_RUNS, 2) first index and number of indices, both from the mesh's start
+    """
+    slot, record = lists.slots[row], lists.records[row]
+    # What sinks is drawn elsewhere than its boxes say.
+    if record["max_height_m"] > eye.place[2]:
+        away_m = beside_m(slot["box_rad"], eye.place)
+        if may_sink(away_m, slot["scale_m"], record["children"]):
+            return whole_run(slot, part, runs)
+    sphere = lists.centre[row], lists.radius_m[row]
+    view = eye.lens.eye, eye.planes
+    return seen_runs(slot, lists.blocks[slot["layer"], part], part, sphere, view, runs)
 
 
 @brief
@@ -136,8 +152,8 @@ def cull_terrain(
     eye: Eye,
     picture_px: float,
     room: Room,
-) -> tuple[int, int, float, tuple[int, int, int]]:
-    """Fill `room` with the visible terrain tiles, sorted by kind.
+) -> TerrainDraws:
+    """Fill `room` with the visible parts of terrain tiles, sorted by kind.
 
     Parameters
     ----------
@@ -147,10 +163,10 @@ def cull_terrain(
     Returns
     -------
     draws, triangles, screen error in px as a mean weighted by the tiles' areas, and how
-    many of the draws are of each kind: grain and water, grain, water; the others follow
+    many of the draws are of each kind: grain and water, grain, water; the others follow;
+    and the number of tiles, which is that of records
     """
-    n, triangles, error_sum, area_sum = 0, 0, 0.0, 1e-9
-    kinds = np.zeros(4, np.int64)
+    n, error_sum, area_sum = 0, 0.0, 1e-9
     period = FAR_PERIOD if eye.place[2] > HIGH_M else NEAR_PERIOD
     for entry in range(len(lists.rows)):
         row = lists.rows[entry]
@@ -170,98 +186,42 @@ def cull_terrain(
         room.instances[n, 9] = slot["noise"][1] % period
         room.instances[n, 10] = slot["noise"][2]
         room.instances[n, 11] = slot["layer"]
-        count = slot["part_count"][part]
-        _command(room.unsorted[n], slot, slot["part_first"][part], count)
         texel_m = slot["noise"][2] * PATCH_M / TEXTURE_SIDE
         seen_m = max(texel_m, detail_m[row])
         room.instances[n, 15] = seen_m / max(texel_m, 1e-6)
         kind = 3 - (2 if seen_m * scale > GRAIN_TEXEL_PX else 0) - slot["wet"]
-        kinds[kind] += 1
-        room.keys[n] = kind - scale / (1.0 + scale)
+        room.keys[n] = kind + 0.5 / (1.0 + scale)
         n += 1
-        triangles += count // 3
         area = min((2.0 * radius * scale) ** 2, picture_px)
         error_sum += area * min(error_px, 1e6)
         area_sum += area
-    _sort(room.keys, room.unsorted, room.commands, n)
-    return n, triangles, error_sum / area_sum, (kinds[0], kinds[1], kinds[2])
+    draws, triangles, kinds = _command_runs(lists, rung, eye, room, n)
+    return draws, triangles, error_sum / area_sum, kinds, n
 
 
 @brief
-def count_above(pool: NDArray[np.void], slot: np.void, dimension_m: float) -> int:
-    """Return how many of a tile's own objects are larger, by bisection."""
-    low, high = slot["pool_start"], slot["pool_start"] + slot["pool_count"]
-    while low < high:
-        middle = (low + high) // 2
-        if pool[middle]["dimension_m"] > dimension_m:
-            low = middle + 1
-        else:
-            high = middle
-    return int(low - slot["pool_start"])
-
-
-@brief
-def cull_objects(
-    lists: Lists,
-    parts: tuple[NDArray[np.bool_], NDArray[np.uint8], NDArray[np.void], NDArray[np.uint8]],
-    shares: NDArray[np.float32],
-    eye: Eye,
-    threshold_px: float,
-    room: Room,
-) -> tuple[int, int, int, int]:
-    """Fill `room` with the visible own objects above the threshold and the proxies.
-
-    Parameters
-    ----------
-    parts : `own` and `proxies` of the draw list, the pool of object tables, and
-        `Coats.proxies`
-    shares : (m, 2) `Fade.shares`, or (0, 2) when nothing fades
+def _command_runs(
+    lists: Lists, rung: NDArray[np.uint8], eye: Eye, room: Room, tiles: int
+) -> tuple[int, int, tuple[int, int, int]]:
+    """Write the commands of the tiles that have records and keys, in the keys' order.
 
     Returns
     -------
-    draws, triangles, objects (own objects and proxies), and how many of the draws, at
-    the end, fade
+    draws, triangles, and draws of the first three kinds
     """
-    own, proxies, pool, coats = parts
-    n, triangles, objects, fading = 0, 0, 0, 0
-    low, high = np.float32(0.0), np.float32(1.0)
-    for entry in range(len(lists.rows)):
-        row = lists.rows[entry]
+    kinds, runs = np.zeros(4, np.int64), np.empty((MOST_RUNS, 2), np.int64)
+    n, indices, order = 0, 0, np.argsort(room.keys[:tiles])
+    for i in range(tiles):
+        entry = int(room.instances[order[i], 12])
+        row, part = lists.rows[entry], rung[entry]
         slot = lists.slots[row]
-        radius = lists.radius_m[row]
-        centre = lists.centre[row]
-        if len(shares):
-            low, high = shares[entry, 0], shares[entry, 1]
-        if slot["uploaded"] == 0 or low >= high or not is_visible(centre, radius, eye):
-            continue
-        is_solid = low == 0.0 and high == 1.0
-        scale = px_per_m(eye.lens, centre[0], centre[1], centre[2], radius)
-        least = threshold_px
-        if eye.lens.sweep.shutter_s > 0.0:
-            blur = blur_px(eye.lens, centre[0], centre[1], centre[2], radius)
-            least = max(blur, threshold_px)
-        seen = count_above(pool, slot, least / scale) if own[entry] else 0
-        for part in range(CHILDREN + 1):
-            first, count = 0, 0
-            if part == CHILDREN and seen > 0:
-                count = pool[slot["pool_start"] + seen - 1]["index_end"]
-            elif part < CHILDREN and proxies[entry] >> part & 1:
-                first, count = slot["proxy_first"][part], slot["proxy_count"][part]
-            if count <= 0 or n == len(room.keys):
-                continue
-            fill(room.instances[n], slot, eye.lens.eye, entry, 0.0)
-            room.instances[n, 8] = slot["seed"]
-            room.instances[n, 9], room.instances[n, 10] = low, high
-            room.instances[n, 11] = (
-                slot["pool_start"] if part == CHILDREN else coats[row, part]
-            )
-            _command(room.unsorted[n], slot, first, count)
-            room.keys[n] = -scale
-            if not is_solid:
-                room.keys[n] += NEAREST_FIRST
-                fading += 1
+        count = terrain_runs(lists, row, part, eye, runs)
+        if n + count + tiles - 1 - i > len(room.commands):
+            count = whole_run(slot, part, runs)
+        for k in range(count):
+            first = slot["part_first"][part] + runs[k, 0]
+            put_command(room.commands[n], slot, first, runs[k, 1], order[i])
+            indices += runs[k, 1]
             n += 1
-            triangles += count // 3
-            objects += seen if part == CHILDREN else 1
-    _sort(room.keys, room.unsorted, room.commands, n)
-    return n, triangles, objects, fading
+        kinds[int(room.keys[order[i]])] += count
+    return n, indices // 3, (kinds[0], kinds[1], kinds[2])

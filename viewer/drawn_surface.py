@@ -9,6 +9,7 @@ import numpy as np
 
 from geopage.draw_list import DrawList
 from tiles import cells, terrain
+from tiles.blocks import morton
 from tiles.forest import Forest
 from tiles.frames import Ecef, Floats, Ints
 from tiles.geodesy import to_geodetic
@@ -113,7 +114,7 @@ def boxes_of(tile: TerrainTile, rung: int = 0) -> TileBoxes:
     triangles = tile.surface(rung)
     corners = tile.mesh.local[triangles]
     middle = tile.mesh.vertices["detail"][triangles].mean(axis=1) / UV_ONE
-    order = np.argsort(_interleaved((middle * 1023).astype(np.int64)), kind="stable")
+    order = np.argsort(morton((middle * 1023).astype(np.int64)), kind="stable")
     leaves = 1 << max(0, math.ceil(math.log2(max(len(triangles), 1) / LEAF)))
     padded = np.full((leaves * LEAF, 3, 3), np.nan)
     padded[: len(triangles)] = corners[order]
@@ -143,15 +144,6 @@ def holders(surface: DrawnSurface, points: Floats) -> Ints:
     order = np.argsort(first)
     found = order[np.maximum(np.searchsorted(first[order], place, side="right") - 1, 0)]
     return np.where(cells.contains(surface.cell[found], place), found, -1)
-
-
-def _interleaved(at: Ints) -> Ints:
-    """Return Morton codes of (n, 2) numbers of ten bits."""
-    code = np.zeros(len(at), np.int64)
-    for bit in range(10):
-        for axis in range(2):
-            code |= (at[:, axis] >> bit & 1) << (2 * bit + axis)
-    return code
 
 
 @kernel

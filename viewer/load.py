@@ -12,9 +12,11 @@ from geopage.selection import Thresholds, everything, select, trees_of
 from geopage.view import ViewState
 from tiles.kernels import brief
 from tiles.lanes import Lane
-from viewer.cull import CHILDREN, Eye, Lists, count_above, eye_of, is_visible
+from viewer.cull import Eye, Lists, eye_of, is_visible, terrain_runs
+from viewer.cull_objects import CHILDREN, count_above
 from viewer.frame_budget import Load
 from viewer.renderer import Renderer
+from viewer.runs import MOST_RUNS
 
 AHEAD_S = 0.25
 """About how long it takes until other thresholds show."""
@@ -63,8 +65,9 @@ def ahead_of(views: list[ViewState], floor_m: float = 0.0) -> ViewState:
 
 @brief
 def count_terrain(lists: Lists, rung: NDArray[np.uint8], eye: Eye) -> tuple[int, int, int]:
-    """Return the visible tiles that are uploaded, those that are not, and triangles."""
-    known, missing, triangles = 0, 0, 0
+    """Return draws of visible tiles that are uploaded, tiles that are not, triangles."""
+    known, missing, indices = 0, 0, 0
+    runs = np.empty((MOST_RUNS, 2), np.int64)
     for entry in range(len(lists.rows)):
         row = lists.rows[entry]
         if is_visible(lists.centre[row], lists.radius_m[row], eye):
@@ -72,9 +75,10 @@ def count_terrain(lists: Lists, rung: NDArray[np.uint8], eye: Eye) -> tuple[int,
             if slot["uploaded"] == 0:
                 missing += 1
             else:
-                known += 1
-                triangles += slot["part_count"][rung[entry]] // 3
-    return known, missing, triangles
+                count = terrain_runs(lists, row, rung[entry], eye, runs)
+                known += count
+                indices += runs[:count, 1].sum()
+    return known, missing, indices // 3
 
 
 @brief

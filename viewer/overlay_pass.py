@@ -170,10 +170,11 @@ class OverlayPass:
         table.add("glDrawArraysInstanced", gl.LINES, 0, CORNERS, len(boxes))
 
     def _boxes_of(self, drawn: DrawList, count: int) -> NDArray[np.float32]:
-        instances = self._frame.lanes[Lane.TERRAIN].room.instances[:count]
-        entries = instances[:, ENTRY].astype(np.int64)
+        room = self._frame.lanes[Lane.TERRAIN].room
+        entries = np.unique(room.instances[room.commands[:count, 4], ENTRY])
+        entries = entries.astype(np.int64)
         rows = drawn.terrain[entries]
-        boxes = np.zeros((count, BOX_FLOATS), np.float32)
+        boxes = np.zeros((len(rows), BOX_FLOATS), np.float32)
         boxes[:, :3] = self._centre[rows] - self._eye
         boxes[:, 4:7] = self._half_m[rows]
         boxes[:, 7] = drawn.stand_in[entries]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Page a flight without drawing it, by a virtual clock.
 
-Every frame takes `FRAME_S`; selecting, reading and decoding take no time; a throttled
-line takes what it says. So nothing depends on the machine, and two runs give the same
-figures. The flight begins when the first view has all that it needs, and nothing else:
-until then all policies page alike, on demand.
+Every frame takes `FRAME_S` or what is asked for; selecting, reading and decoding take no
+time; a throttled line takes what it says. So nothing depends on the machine, and two runs
+give the same figures. The flight begins when the first view has all that it needs, and
+nothing else: until then all policies page alike, on demand.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from geopage.settings import MIB, PagerSettings
 from geopage.trace import summary
 from geopage.view import ViewState
 from tiles.errors import InputError
-from tiles.forest import build_forest
+from tiles.forest import Rows, build_forest
 from tiles.lanes import Lane
 from tiles.store import Store
 from viewer.area_error import by_area, screen_errors_px
@@ -33,6 +33,7 @@ from viewer.paging_trace import write_trace_page
 from viewer.poses import Flight
 
 PERCENT = 95.0
+LEAST_BYTES_S = 1024.0
 SETTLE_STEPS, LONGER = 1000, 1.02
 """A first view that is not there after so many steps, each a little longer, never is."""
 
@@ -44,7 +45,7 @@ class Seen:
     error_px: list[float] = field(default_factory=list)
     """95th percentile over the picture's ground"""
     objects_missing: list[int] = field(default_factory=list)
-    """object tiles that the view needs and that something else stands in for"""
+    """object tiles that the view needs and for which coarser ones, or none, are drawn"""
     with_stand_ins: int = 0
 
 
@@ -106,13 +107,31 @@ class Paging:
 
     def missing(self, view: ViewState) -> tuple[int, int]:
         """Count the terrain and object tiles that a view needs and has not."""
-        wants = select(self.trees, lens_of(view), self._there, self._limits).wants
-        return wants[Lane.TERRAIN].now, wants[Lane.OBJECTS].now
+        return len(self._wanted(Lane.TERRAIN, view)), len(self._wanted(Lane.OBJECTS, view))
+
+    def _wanted(self, lane: Lane, view: ViewState) -> Rows:
+        chosen = select(self.trees, lens_of(view), self._there, self._limits)
+        return chosen.wants[lane].rows
+
+    def objects_missing(self, drawn: DrawList, view: ViewState) -> int:
+        """Count the object tiles that a view needs and a list draws coarser ones for.
+
+        Or none at all. Where it draws finer ones instead, nothing is missing.
+        """
+        tree = self.trees[Lane.OBJECTS]
+        has_drawn = np.zeros(len(tree.parent), np.bool_)
+        rows = drawn.objects
+        while len(rows):
+            has_drawn[rows] = True
+            rows = tree.parent[rows]
+            rows = rows[rows >= 0]
+            rows = rows[~has_drawn[rows]]
+        return int((~has_drawn[self._wanted(Lane.OBJECTS, view)]).sum())
 
     def look(self, drawn: DrawList, view: ViewState) -> None:
         """Write down how good a list is for a view."""
         self.seen.error_px.append(self.error_px(drawn, view))
-        self.seen.objects_missing.append(self.missing(view)[1])
+        self.seen.objects_missing.append(self.objects_missing(drawn, view))
         self.seen.with_stand_ins += bool(drawn.stand_in.any())
 
 
@@ -125,12 +144,14 @@ def page_flight(
     settings: PagerSettings,
     progress: Callable[[float], None],
     out: Path | None = None,
+    frame_s: float = FRAME_S,
 ) -> dict[str, Any]:
     """Page one flight and return its figures, JSON-ready.
 
     Parameters
     ----------
     out : folder for the trace and its page
+    frame_s : how long each frame takes
     """
     paging = Paging(store, replace(settings, policy="demand"))
     with paging.pager as pager:
@@ -140,14 +161,14 @@ def page_flight(
             paging.foresee(pager.policy, flight)
         trace = pager.record(lambda: paging.now_s)
         before, booked = pager.counters, carried(pager)
-        count = round(flight.path.duration_s / FRAME_S)
+        count = round(flight.path.duration_s / frame_s)
         for i in range(count):
-            paging.now_s = i * FRAME_S
+            paging.now_s = i * frame_s
             view = flight.view(paging.now_s)
             drawn = paging.frame(view)
             paging.look(drawn, view)
             now_s = start_s + paging.now_s
-            pager.advance(now_s, now_s + FRAME_S)
+            pager.advance(now_s, now_s + frame_s)
             progress(paging.now_s)
         spent = {key: value - before[key] for key, value in pager.counters.items()}
         found = figures(settings, paging.seen, spent) | {
@@ -180,6 +201,11 @@ def ideal_bytes(store: Path, flight: Flight, settings: PagerSettings) -> int:
             drawn[lane][new] = True
             total += int(trees[lane].tile_bytes[new].sum()) if i else 0
     return total
+
+
+def needed_mib_per_s(ideal: int, seconds: float) -> float:
+    """Return the rate of a line that carries a flight's ideal bytes while it lasts."""
+    return max(ideal / seconds, LEAST_BYTES_S) / MIB
 
 
 def carried(pager: Pager) -> int:

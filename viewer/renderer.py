@@ -19,6 +19,7 @@ from tiles.terrain import TerrainTile
 from viewer import cull, gil, gl
 from viewer.arena import Arena, ArenaSize
 from viewer.clearance import Clearance, Drawn
+from viewer.cull_objects import cull_objects
 from viewer.frame_stats import FrameStats
 from viewer.frame_table import FrameTable
 from viewer.gl import Gl
@@ -131,11 +132,11 @@ class Renderer:
             self._last = view, draw_list, counts
             self._draw_overlay()
         self._probes.forget()
-        entries = self._frame.lanes[Lane.TERRAIN].room.instances[: terrain[0], 12]
+        entries = self._frame.lanes[Lane.TERRAIN].room.instances[: terrain[4], 12]
         return FrameStats(
             triangles=terrain[1] + objects[1],
             draw_calls=terrain[0] + objects[0],
-            tiles=terrain[0],
+            tiles=terrain[4],
             objects=objects[2],
             fading=objects[3],
             stand_ins=int(draw_list.stand_in[entries.astype(np.int64)].sum()),
@@ -182,23 +183,23 @@ class Renderer:
 
     def _cull(
         self, draw_list: DrawList, view: ViewState
-    ) -> tuple[tuple[int, int, float, tuple[int, int, int]], tuple[int, int, int, int]]:
+    ) -> tuple[cull.TerrainDraws, tuple[int, int, int, int]]:
         eye = cull.eye_of(view, draw_list.sweep)
         if not self.culls:
             eye = eye._replace(planes=0.0 * eye.planes)
+        most = cull.TERRAIN_DRAWS * len(draw_list.terrain)
         objects = DRAWS_PER_OBJECT_TILE * len(draw_list.objects)
-        self._frame.grow({Lane.TERRAIN: len(draw_list.terrain), Lane.OBJECTS: objects})
+        self._frame.grow({Lane.TERRAIN: most, Lane.OBJECTS: objects})
         ground = self.lists(Lane.TERRAIN, draw_list.terrain)
         room = self._frame.lanes[Lane.TERRAIN].room
         picture_px = float(view.width_px * view.height_px)
         sizes = draw_list.rungs(), draw_list.skirt_m, self.detail_m
         terrain = cull.cull_terrain(ground, *sizes, eye, picture_px, room)
-        children = self.forests[Lane.TERRAIN].children
-        drawn = Drawn(ground.rows, ground.slots, ground.records, children)
-        self._clearance.apply(room.instances[: terrain[0]], drawn, eye.place)
-        arena = self.arena
-        parts = draw_list.own, draw_list.proxies, arena.pool.records, arena.coats.proxies
-        return terrain, cull.cull_objects(
+        drawn = Drawn(*ground[:2], ground.records, self.forests[Lane.TERRAIN].children)
+        self._clearance.apply(room.instances[: terrain[4]], drawn, eye.place)
+        pools = self.arena.pool.records, self.arena.coats.proxies
+        parts = draw_list.own, draw_list.proxies, *pools
+        return terrain, cull_objects(
             self.lists(Lane.OBJECTS, draw_list.objects),
             parts,
             draw_list.shares(view.t_s),
@@ -209,10 +210,9 @@ class Renderer:
 
     def lists(self, lane: Lane, rows: NDArray[np.int32]) -> cull.Lists:
         """Return the rows of a lane with the arrays that they point to, for kernels."""
-        forest = self.forests[lane]
-        slots = self.arena.slots[lane]
+        forest, slots = self.forests[lane], self.arena.slots[lane]
         boxes = forest.centre, forest.radius_m, self._half_m[lane]
-        return cull.Lists(rows, slots, *boxes, forest.records)
+        return cull.Lists(rows, slots, *boxes, forest.records, self.arena.blocks)
 
     def read_rgb(self) -> NDArray[np.uint8]:
         """Return the last frame, (height, width, 3) uint8 sRGB, top row first."""

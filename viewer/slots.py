@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles import cells
+from tiles.blocks import BLOCK, BLOCKS
 from tiles.objects import ObjectTile
 from tiles.terrain import MOST_RUNGS, TerrainTile
 from viewer.allocator import FirstFit
@@ -33,6 +34,7 @@ SLOT = np.dtype(
         ("proxy_count", "<i4", 4),
         ("wet", "<i4"),  # terrain: its texture shows water
         ("surface_count", "<i4"),  # terrain: indices without the skirt
+        ("in_blocks", "<i4"),  # terrain: its layer has blocks in `Arena.blocks`
         ("part_first", "<i4", 1 + MOST_RUNGS),  # terrain: whole mesh, rungs
         ("part_count", "<i4", 1 + MOST_RUNGS),
         ("part_error_m", "<f4", 1 + MOST_RUNGS),
@@ -60,13 +62,26 @@ def noise_of(cell: int) -> tuple[float, float, float]:
     return col * patches % FAR_PERIOD, row * patches % FAR_PERIOD, patches
 
 
-def put_parts(slot: np.void, tile: TerrainTile) -> None:
-    """Note a tile's meshes; what it lacks is drawn as its coarsest."""
+def make_blocks(layers: int) -> NDArray[np.void]:
+    """Return the blocks of each mesh of the tiles in so many texture layers, none yet."""
+    return np.zeros((layers, 1 + MOST_RUNGS, BLOCKS), BLOCK)
+
+
+def put_parts(slot: np.void, blocks: NDArray[np.void], tile: TerrainTile) -> None:
+    """Note a tile's meshes; what it lacks is drawn as its coarsest.
+
+    Parameters
+    ----------
+    blocks : (1 + MOST_RUNGS, BLOCKS) of the tile's layer
+    """
     parts = tile.parts()
+    slot["in_blocks"] = len(tile.blocks) > 0
     which = np.minimum(np.arange(1 + MOST_RUNGS), len(parts) - 1)
     slot["part_first"] = parts["first_index"][which]
     slot["part_count"] = parts["index_count"][which]
     slot["part_error_m"] = parts["error_m"][which]
+    if len(tile.blocks):
+        blocks[:] = tile.blocks[which]
 
 
 class ObjectPool:

@@ -2,8 +2,9 @@
 """Our own: bytes go where they make pictures good, in the time that there is.
 
 While the line keeps up, what the newest view misses comes first, by the screen error
-that each byte removes, and what the views of half a second and of a second ahead miss
-comes after it: every pixel keeps its threshold.
+that each byte removes, and what views ahead miss comes after it: every pixel keeps its
+threshold. It looks as far ahead as loading takes, and no further: what is asked for sooner
+than it must be is more often never seen.
 
 A slow line is planned `AHEAD_S` on, along the predicted path, at the rate at which tiles
 come (measured): what will be seen when the bytes have arrived is asked for, and not what
@@ -45,8 +46,8 @@ from geopage.schedule import (
     ranked,
 )
 from geopage.screen_error import lens_of
-from geopage.selection import Selection, Thresholds, select, trees_of
-from geopage.tree import F8
+from geopage.selection import Selection, Thresholds, Wants, select, trees_of
+from geopage.tree import F8, are_among
 from geopage.view import ViewState
 from tiles import cells
 from tiles.forest import Rows, build_forest
@@ -63,16 +64,20 @@ LAG_S = 0.05
 """From the last byte of a tile until it is drawn: decoding, upload, a list, a frame."""
 SHARES = (0.9, 1.0, 1.0, 1.0)
 """Of the line that each goal may take: coarser pictures until then take the rest."""
-OBJECTS_SHARE = 0.5
+OBJECT_SHARES = (0.5,) * GOALS
 """Likewise for objects: terrain that is not foreseen yet will need the line, too."""
 TIGHT = 0.3
 """A line of which no goal takes more than this share keeps up."""
 AGE_S = 10.0
 AGING = 2.0
 """Pictures by which the rank of what is missed comes forward in a second after that."""
+AGED = 1e20
+"""Likewise on a line that keeps up: so many times the benefit, more than any other has."""
 FAST_BYTES_S, FAST_S = 8e6, 0.02
 """A line that brings so many bytes a second, and all that is missing in so short a time,
 keeps up."""
+SOON = 0.2
+"""A view ahead that can be loaded in this share of the time until then is soon enough."""
 
 
 class Benefit(LeastRecentlyUsed):
@@ -87,16 +92,10 @@ class Benefit(LeastRecentlyUsed):
 
     def plan(self, seen: Situation) -> Plan:
         """Rank what is missing."""
-        planned = None if self._is_fast(seen) else self._plan_line(seen)
+        fast = seen.bytes_per_s >= FAST_BYTES_S and loading_s(seen, seen.chosen) <= FAST_S
+        planned = None if fast else self._plan_line(seen)
         plan = planned or self._plan_spare(seen)
         return self._with_destination(seen, plan) if seen.destination else plan
-
-    @staticmethod
-    def _is_fast(seen: Situation) -> bool:
-        wants, trees = seen.chosen.wants, seen.trees
-        missing = sum(int(trees[lane].tile_bytes[wants[lane].rows].sum()) for lane in Lane)
-        rate = seen.bytes_per_s
-        return rate >= FAST_BYTES_S and missing <= FAST_S * rate
 
     def ahead(self, seen: Situation) -> Ahead:
         """Return the views of the next seconds."""
@@ -125,6 +124,7 @@ class Benefit(LeastRecentlyUsed):
                 seen.lens(seen.view),
                 limits.terrain_px,
                 limits.objects_px,
+                GOALS,
             ),
         }
         line = line_of(ahead.ahead_s, seen.bytes_per_s, LAG_S)
@@ -143,12 +143,14 @@ class Benefit(LeastRecentlyUsed):
         views = np.arange(len(line.room_bytes), dtype=np.int32)
         land, town = (seen.trees[lane].tile_bytes for lane in Lane)
         ground, things = needs[Lane.TERRAIN], needs[Lane.OBJECTS]
-        left, due = views, self._marks[Lane.TERRAIN].due
-        for goal, share in enumerate(SHARES):
-            met = choose(ground, left * GOALS + goal, share, land, line, due)
-            left = left[~met]
-        due = self._marks[Lane.OBJECTS].due
-        choose(things, views, OBJECTS_SHARE, town, line, due)
+        for missing, size_bytes, due, shares in (
+            (ground, land, self._marks[Lane.TERRAIN].due, SHARES),
+            (things, town, self._marks[Lane.OBJECTS].due, OBJECT_SHARES),
+        ):
+            left = views
+            for goal, share in enumerate(shares):
+                met = choose(missing, left * GOALS + goal, share, size_bytes, line, due)
+                left = left[~met]
 
     def _requests(self, seen: Situation, lane: Lane, rows: Rows, keys: F8) -> PageRequests:
         """Add the rest of what the newest view misses, what it misses long first."""
@@ -174,21 +176,38 @@ class Benefit(LeastRecentlyUsed):
         later = self._look_ahead(seen)
         requests: Requests = {}
         for lane in Lane:
-            now = seen.chosen.wants[lane]
-            ahead = [(weight, one.wants[lane]) for weight, one in later]
+            now = self._aged(seen, lane)
+            ahead = [(weight, sure_wants(one, lane)) for weight, one in later]
             requests[lane] = PageRequests(*merged_ranks(now, ahead), len(now.rows))
         return Plan(requests, [one.keep for _, one in later])
+
+    def _aged(self, seen: Situation, lane: Lane) -> Wants:
+        """Return what the newest view misses, with more to gain where it does for long."""
+        wants, now_s = seen.chosen.wants[lane], seen.view.t_s
+        old = now_s - self._missed_since(lane, wants.rows, now_s) > AGE_S
+        return replace(wants, benefit=np.where(old, AGED, 1.0) * wants.benefit)
 
     def _look_ahead(self, seen: Situation) -> list[tuple[float, Selection]]:
         """Look at one of the predicted views each time, in turn: that is often enough."""
         if seen.motion is None:
             self._later = {}
             return []
-        self._turn = (self._turn + 1) % len(AHEAD)
-        ahead_s, weight = AHEAD[self._turn]
+        near = AHEAD[: self._reach(seen)]
+        self._turn = (self._turn + 1) % len(near)
+        ahead_s, weight = near[self._turn]
         soon = predict(seen.view, seen.motion, ahead_s)
         self._later[weight] = seen.look(seen.lens(soon))
-        return list(self._later.items())
+        return [(w, self._later[w]) for _, w in near if w in self._later]
+
+    def _reach(self, seen: Situation) -> int:
+        """Return how many of the predicted views to look at: all, on a slow line."""
+        if seen.bytes_per_s < FAST_BYTES_S:
+            return len(AHEAD)
+        for count, (ahead_s, weight) in enumerate(AHEAD, 1):
+            one = self._later.get(weight)
+            if one is None or loading_s(seen, one) < SOON * ahead_s:
+                return count
+        return len(AHEAD)
 
     @staticmethod
     def _with_destination(seen: Situation, plan: Plan) -> Plan:
@@ -202,6 +221,27 @@ class Benefit(LeastRecentlyUsed):
             more = merged([(asked.rows, asked.ranks), (wants.rows, last)])
             requests[lane] = PageRequests(more.rows, more.ranks, asked.now)
         return Plan(requests, [*plan.keep, there.keep])
+
+
+def sure_wants(one: Selection, lane: Lane) -> Wants:
+    """Return what a view ahead misses and will surely draw.
+
+    Not what would stand in for others while they load, nor coarser tiles where finer ones
+    are drawn already: nobody may ever see those.
+    """
+    wants = one.wants[lane]
+    sure = are_among(len(one.made[lane]), wants.rows, one.keep[lane])
+    sure &= wants.benefit > 0
+    return Wants(wants.rows[sure], wants.benefit[sure], wants.error_px[sure])
+
+
+def loading_s(seen: Situation, chosen: Selection) -> float:
+    """Return how long it takes to load what a view misses."""
+    missing = sum(
+        int(seen.trees[lane].tile_bytes[wants.rows].sum())
+        for lane, wants in chosen.wants.items()
+    )
+    return missing / seen.bytes_per_s
 
 
 def merged(groups: Sequence[tuple[Rows, F8]]) -> PageRequests:

@@ -155,7 +155,7 @@ class Oracle:
         requests: Requests = {}
         for lane in Lane:
             wants = seen.chosen.wants[lane]
-            missed = wants.rows[: wants.now], by_error(wants)[: wants.now]
+            missed = wants.rows, by_error(wants)
             order = [self._scheduled(seen, lane), missed]
             requests[lane] = in_order(order if seen.motion else order[::-1], now=2)
         return Plan(requests)

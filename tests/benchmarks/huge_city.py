@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A generated city far larger than the memory, and a flight over it.
 
-    python -m tests.benchmarks.huge_city FOLDER [--gigabytes 20] [--budget MIB]
+    python -m tests.benchmarks.huge_city FOLDER [--gigabytes 20] [--numbers OUT.json]
 
 writes a store of so many bytes (each block has the same body: random numbers, which do
 not compress), flies over it by a virtual clock, with real reads, checks and decoding,
 and prints what it took. The store is deleted afterwards. Decoded tiles are kept as long
 as a renderer would keep them, so the process's own memory can be held against the budget.
+The numbers go into PAGING.md by `geopage paging --also OUT.json`.
 """
 
 import argparse
+import json
 import math
 import sys
 import time
@@ -34,6 +36,16 @@ from tiles.writer import Writer
 from viewer.flight import FRAME_S
 from viewer.holes import ObjectHoles
 from viewer.memory import resident_bytes
+from viewer.paging_numbers.limits import (
+    HUGE_BYTES,
+    HUGE_HOLES,
+    HUGE_RSS,
+    MISSED,
+    Line,
+    as_dict,
+    in_words,
+    line,
+)
 from viewer.stability.site import DOWN_RAD, Site, approach
 from viewer.stability.trial import Trial
 
@@ -162,6 +174,7 @@ class Flown:
     rss_first_bytes: int = 0
     """growth of the process when half of the flight was over"""
     rss_last_bytes: int = 0
+    rss_most_bytes: int = 0
     raised: float = 1.0
     """how many times larger the threshold became at most"""
 
@@ -180,6 +193,7 @@ def fly(path: Path, side: int, settings: PagerSettings, seconds: float) -> Flown
                 found.holes += objects.count(drawn, view) > 0
             grown = resident_bytes() - before_bytes
             found.rss_over += grown > settings.budget_bytes + BESIDE_BYTES
+            found.rss_most_bytes = max(found.rss_most_bytes, grown)
             if 2 * i < len(views):
                 found.rss_first_bytes = grown
             found.raised = max(found.raised, drawn.threshold_px / settings.threshold_px)
@@ -192,6 +206,35 @@ def fly(path: Path, side: int, settings: PagerSettings, seconds: float) -> Flown
     return found
 
 
+def numbers(found: Flown, budget_bytes: int, store: str) -> list[Line]:
+    """Hold what was found against the limits."""
+    rss_bytes = budget_bytes + BESIDE_BYTES
+    return [
+        line(
+            HUGE_HOLES,
+            "0",
+            f"{found.holes}",
+            f"{store}; {found.frames:,} frames; the oracle can have no fewer",
+            is_met=not found.holes,
+        ),
+        line(
+            HUGE_BYTES,
+            f"{budget_bytes / MIB:.0f} MiB",
+            f"{found.peak_bytes / MIB:.2f} MiB",
+            f"{found.over_budget} frames above; {found.index_bytes / MIB:.1f} MiB of index",
+            is_met=not found.over_budget,
+        ),
+        line(
+            HUGE_RSS,
+            f"{rss_bytes / MIB:.0f} MiB",
+            f"{found.rss_most_bytes / MIB:.0f} MiB",
+            f"{found.rss_over} frames above; the limit is the budget and"
+            f" {BESIDE_BYTES / MIB:.0f} MiB for code and tests",
+            is_met=not found.rss_over,
+        ),
+    ]
+
+
 def main(words: list[str]) -> int:
     """Write, fly, print, delete."""
     parser = argparse.ArgumentParser(prog="huge_city", description=__doc__)
@@ -199,6 +242,7 @@ def main(words: list[str]) -> int:
     parser.add_argument("--gigabytes", type=float, default=20.0)
     parser.add_argument("--budget", type=int, default=512, metavar="MIB")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--numbers", type=Path, metavar="OUT.json")
     given = parser.parse_args(words)
     vertices = 16_000
     size = len(block_body(0, vertices, proxies=0)[0])
@@ -207,21 +251,25 @@ def main(words: list[str]) -> int:
     try:
         start_s = time.monotonic()
         things = write_city(path, side, vertices)
-        said = [
+        store = (
             f"{side * side:,} blocks, {path.stat().st_size / 1e9:.1f} GB on disk,"
-            f" {things['memory_bytes'].sum(dtype=np.int64) / 1e9:.1f} GB decoded,"
-            f" written in {time.monotonic() - start_s:.0f} s"
-        ]
+            f" {things['memory_bytes'].sum(dtype=np.int64) / 1e9:.1f} GB decoded"
+        )
+        said = [f"{store}, written in {time.monotonic() - start_s:.0f} s"]
         settings = PagerSettings(budget_bytes=given.budget * MIB, fade_s=0.0)
         start_s = time.monotonic()
         found = fly(path, side, settings, given.seconds)
         said += [f"{name}: {value:,}" for name, value in vars(found).items()]
         said.append(f"flown in {time.monotonic() - start_s:.0f} s")
-        sys.stdout.write("\n".join(said) + "\n")
     finally:
         for one in given.folder.glob("huge.geopage*"):
             one.unlink()
-    return int(bool(found.holes or found.over_budget or found.rss_over))
+    lines = numbers(found, settings.budget_bytes, store)
+    sys.stdout.write("\n".join([*said, *map(in_words, lines)]) + "\n")
+    if given.numbers:
+        kept = {"numbers": [as_dict(one) for one in lines]}
+        given.numbers.write_text(json.dumps(kept, indent=1) + "\n")
+    return int(any(one.verdict == MISSED for one in lines))
 
 
 if __name__ == "__main__":

@@ -1,92 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same view of a city, alone in its store and with a hundred times more elsewhere.
-
-Selections and frames are timed in turns, so that both have the same machine; the frames
-are drawn with everything resident, over a globe at height 0.
+"""A small run of `million`: the same view of a city, alone and with others elsewhere.
 
 Run `pytest tests/benchmarks/test_million.py --benchmark-enable -s -o
-faulthandler_timeout=0` for 10,000 buildings against 1,000,000 (some minutes, 1 GB);
-otherwise it runs once on a few thousand.
+faulthandler_timeout=0` for 10,000 buildings against 1,000,000 (some minutes, 1 GB).
 """
 
 import sys
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import moderngl
-import numpy as np
 import pytest
-import shapely
 
-from geopage.draw_list import DrawList
-from geopage.object_selection import Objects, select_objects
-from geopage.screen_error import Lens, lens_of
-from geopage.tree import Tree, tree_of
-from geopage.view import ViewState
-from ingest.buildings import BuildingOptions, ingest_parts
-from ingest.footprints import Footprints, read_parts
-from ingest.synthetic import first_of, replicated
-from tests.geopage.worlds import view_at
-from tests.viewer.worlds import globe, whole_list
-from tiles.forest import Forest, build_forest
+from geopage.screen_error import Lens
+from tests.benchmarks.million import (
+    TURNS,
+    VIEWS,
+    City,
+    built,
+    chosen,
+    compared,
+    framed,
+    said,
+)
 from tiles.index_tree import INDEX
-from tiles.lanes import Lane
-from tiles.objects import decode
-from tiles.store import Store
-from viewer.arena import ArenaSize
-from viewer.renderer import Renderer
 
-CITY = Path(__file__).parents[2] / "data_samples" / "sanfrancisco_buildings.gpkg"
-SPOT = (np.radians(-122.447), np.radians(37.762))
-FAR_DEG = 8.0
-TAU = 1.0
-TURNS = 50
-ROOM = ArenaSize(vertex_bytes=64 << 20, index_bytes=32 << 20, layers=64, objects=1 << 16)
 FAR_BOXES = 64
 """Objects of the skylines that are far away, where these are larger than a pixel."""
-VIEWS = {
-    "street": (10.0, -5.0),
-    "300 m": (300.0, -30.0),
-    "3 km": (3_000.0, -45.0),
-    "15 km": (15_000.0, -60.0),
-    "160 km": (160_000.0, -90.0),
-}
-
-
-@dataclass(frozen=True)
-class City:
-    """A store's objects lane."""
-
-    tree: Tree
-    forest: Forest
-    store: Path
-    report: dict[str, Any]
-
-
-def alone(count: int) -> Iterator[Footprints]:
-    yield first_of(next(read_parts(CITY, at_most=count)), count)
-
-
-def far_away(store: Path, count: int) -> Iterator[Footprints]:
-    """Copies of the city, eight degrees to the east."""
-    for part in replicated(CITY, store, count, None, None):
-        by = np.array((FAR_DEG, 0.0))
-        east = shapely.transform(part.geometry, lambda xy, by=by: xy + by)
-        yield replace(part, geometry=east)
-
-
-def built(store: Path, few: int, more: int) -> City:
-    readers = {"city": [lambda: alone(few)]}
-    if more:
-        readers["elsewhere"] = [lambda: far_away(store, more)]
-    report = ingest_parts(store, readers, BuildingOptions())
-    with Store(store) as opened:
-        forest = build_forest(opened.index(Lane.OBJECTS))
-    return City(tree_of(forest, Lane.OBJECTS), forest, store, report)
 
 
 @pytest.fixture(scope="module")
@@ -104,11 +43,6 @@ def turns(request: pytest.FixtureRequest) -> int:
     return TURNS if request.config.getoption("benchmark_enable") else 2
 
 
-def chosen(city: City, lens: Lens) -> Objects:
-    before = np.zeros(len(city.tree.parent), np.uint8)
-    return select_objects(city.tree, lens, TAU, TAU, city.tree.has_tile, before)
-
-
 def drawn_of(city: City, lens: Lens) -> set[tuple[int, int, int]]:
     """The cells that a view draws around the spot: own objects or not, which proxies."""
     found = chosen(city, lens)
@@ -122,10 +56,8 @@ def drawn_of(city: City, lens: Lens) -> set[tuple[int, int, int]]:
 def test_a_view_of_a_city_draws_the_same_whatever_else_is_in_the_store(
     cities: tuple[City, City], name: str
 ) -> None:
-    height_m, pitch = VIEWS[name]
     few, many = cities
-    lens = lens_of(view_at(height_m, SPOT, pitch))
-    mine, all_of_it = drawn_of(few, lens), drawn_of(many, lens)
+    mine, all_of_it = drawn_of(few, few.lens(name)), drawn_of(many, few.lens(name))
     assert mine
     assert mine <= all_of_it
     # Behind the horizon or smaller than a pixel: a handful of skylines at most.
@@ -134,12 +66,13 @@ def test_a_view_of_a_city_draws_the_same_whatever_else_is_in_the_store(
 
 @pytest.mark.slow
 def test_time_and_index_bytes(cities: tuple[City, City], turns: int) -> None:
-    for name, (height_m, pitch) in VIEWS.items():
-        lens = lens_of(view_at(height_m, SPOT, pitch))
+    for name in VIEWS:
+        lens = cities[0].lens(name)
         select = [partial(chosen, city, lens) for city in cities]
-        large, told = compared(select, 4 * turns)
+        small, large = compared(select, 4 * turns)
         tiles = len(chosen(cities[1], lens).drawn)
-        sys.stdout.write(f"\nselection, {name}: {told}, {tiles} tiles drawn")
+        told = f"\nselection, {name}: {said(small, large)}, {tiles} tiles drawn"
+        sys.stdout.write(told)
         # A machine that is busy with other things gets more.
         assert large < 2.0
     for city in cities:
@@ -158,49 +91,7 @@ def test_time_and_index_bytes(cities: tuple[City, City], turns: int) -> None:
 def test_frame_time(
     cities: tuple[City, City], gl_context: moderngl.Context, turns: int, name: str
 ) -> None:
-    height_m, pitch = VIEWS[name]
-    view = view_at(height_m, SPOT, pitch)
-    scenes = [scene(city, view, gl_context) for city in cities]
-    try:
-        draw = [partial(renderer.draw, drawn, view) for renderer, drawn in scenes]
-        shown = [one().objects for one in draw]
-        assert 0 <= shown[1] - shown[0] <= FAR_BOXES
-        large, told = compared(draw, turns)
-        sys.stdout.write(f"\nframe, {name}: {told}, {shown} objects drawn")
-        assert large < 1000.0
-    finally:
-        for renderer, _ in scenes:
-            renderer.release()
-
-
-def scene(
-    city: City, view: ViewState, context: moderngl.Context
-) -> tuple[Renderer, DrawList]:
-    """Upload what a view draws of a city, and a globe below."""
-    ground, found = globe(), chosen(city, lens_of(view))
-    forests = {Lane.TERRAIN: ground.forests[Lane.TERRAIN], Lane.OBJECTS: city.forest}
-    size_px = view.width_px, view.height_px
-    renderer = Renderer(forests, size_px, ROOM, context=context)
-    for row, tile in ground.terrain.items():
-        assert renderer.upload(Lane.TERRAIN, row, tile)
-    with Store(city.store) as store:
-        for row in found.drawn.tolist():
-            record = city.forest.records[row]
-            key = int(record["cell"]), int(record["row"]), int(record["check"])
-            body = store.checked_body(Lane.OBJECTS, *key)
-            assert renderer.upload(Lane.OBJECTS, row, decode(body))
-    drawn = whole_list(ground, view, TAU)
-    own = found.own.view(np.bool_)
-    return renderer, replace(drawn, objects=found.drawn, own=own, proxies=found.proxies)
-
-
-def compared(work: list[Callable[[], object]], turns: int) -> tuple[float, str]:
-    """Do two things in turns; return how long the second takes, ms, and both in words."""
-    spent_ms = np.empty((turns, 2))
-    for row in spent_ms:
-        for k, do in enumerate(work):
-            start_ns = time.perf_counter_ns()
-            do()
-            row[k] = (time.perf_counter_ns() - start_ns) / 1e6
-    small, large = np.median(spent_ms, axis=0)
-    return float(large), f"{small:.4f} ms, {large:.4f} ms: x {large / small:.2f}"
+    small, large, shown = framed(cities, gl_context, name, turns)
+    assert 0 <= shown[1] - shown[0] <= FAR_BOXES
+    sys.stdout.write(f"\nframe, {name}: {said(small, large)}, {shown} objects drawn")
+    assert large < 1000.0

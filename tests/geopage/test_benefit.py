@@ -14,7 +14,7 @@ def wants(benefit: dict[int, float]) -> Wants:
         np.array(list(benefit), np.int32),
         np.array(list(benefit.values()), float),
     )
-    return Wants(rows, values, values, len(rows))
+    return Wants(rows, values, values)
 
 
 def test_more_benefit_is_a_smaller_rank() -> None:

@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geopage.object_selection import ASK_EARLIER
 from geopage.object_visit import STAY
 from geopage.screen_error import STILL, Lens, Sweep, blur_px, lens_of, px_per_m
 from geopage.selection import Selection, Thresholds, everything, ideal, select, trees_of
@@ -210,15 +209,6 @@ def test_tiles_that_can_stand_in_count_as_kept() -> None:
     assert levels >= {*CITY_LEVELS[:2]}
 
 
-def test_tiles_are_asked_for_before_they_are_drawn() -> None:
-    top = int(np.flatnonzero(TOWN.level == CITY_LEVELS[0])[0])
-    reach_m = float(TOWN.proxy_m[top]) * view_at(0.0).focal_px / 2.0
-    for share, asked in ((ASK_EARLIER * 0.999, [top]), (ASK_EARLIER * 1.001, [])):
-        chosen = chosen_with(facing(top, reach_m * share), uploaded([]))
-        assert chosen.wants[Lane.OBJECTS].rows.tolist() == asked
-        assert not chosen.wants[Lane.OBJECTS].now
-
-
 def test_blocks_stay_while_the_proxy_tile_above_them_loads() -> None:
     near, far = view_at(1e3), view_at(1.2e4)
     flags = uploaded(chosen_with(near, everything(TREES)[Lane.OBJECTS]).objects)
@@ -226,7 +216,7 @@ def test_blocks_stay_while_the_proxy_tile_above_them_loads() -> None:
     flags[middle | (TOWN.level == CITY_LEVELS[0])] = 0
     chosen = chosen_with(far, flags)
     wanted = chosen.wants[Lane.OBJECTS]
-    assert set(TOWN.level[wanted.rows[: wanted.now]]) & set(CITY_LEVELS[:2])
+    assert set(TOWN.level[wanted.rows]) & set(CITY_LEVELS[:2])
     assert (TOWN.level[chosen.objects] == BLOCK_LEVEL).all()
 
 

@@ -127,7 +127,7 @@ def test_rows_of_several_groups_count_in_the_first() -> None:
 def test_benefit_on_a_fast_line_asks_by_benefit_now_and_ahead(trees: Trees) -> None:
     situation, policy = flown(trees, -1.0), Benefit()
     plan = policy.plan(situation)
-    ahead_s, weight = AHEAD[1]
+    ahead_s, weight = AHEAD[0]
     assert situation.motion
     soon = situation.look(lens_of(predict(situation.view, situation.motion, ahead_s)))
     for lane in Lane:
@@ -163,6 +163,21 @@ def test_what_is_missed_for_long_comes_before_everything_else(trees: Trees) -> N
         place[t_s] = np.flatnonzero(np.isin(asked.rows, missed))
     assert place[0.0].max() >= len(missed)
     assert place[AGE_S + 20.0].max() < len(missed)
+
+
+def test_on_a_fast_line_what_is_missed_for_long_comes_before_what_gains_more(
+    trees: Trees,
+) -> None:
+    policy = Benefit()
+    high, low = seen(trees, view_at(1e6)), seen(trees, view_at(1e5, t_s=AGE_S + 1.0))
+    old, new = (one.chosen.wants[Lane.TERRAIN].rows for one in (high, low))
+    by_benefit = Benefit().plan(low).requests[Lane.TERRAIN].rows
+    policy.plan(high)
+    asked = policy.plan(low).requests[Lane.TERRAIN].rows
+    both = np.intersect1d(old, new)
+    assert 0 < len(both) < len(new)
+    assert set(asked[: len(both)].tolist()) == set(both.tolist())
+    assert set(by_benefit[: len(both)].tolist()) != set(both.tolist())
 
 
 def test_a_destination_comes_after_all_that_is_missed(trees: Trees) -> None:

@@ -76,8 +76,9 @@ def repeated(view: ViewState) -> list[ViewState]:
         [view_at(1e4, t_s=0.0), view_at(1.1e4, t_s=5.0)],
         [view_at(1e4, t_s=1.0), view_at(1.1e4, t_s=1.0)],
         [view_at(1e4, t_s=2.0), view_at(1.1e4, t_s=1.0)],
+        [view_at(1e4, pitch_deg=-90.0), view_at(1e4, pitch_deg=-40.0, t_s=0.1)],
     ],
-    ids=["first", "still", "jump", "pause", "no time", "back in time"],
+    ids=["first", "still", "jump", "pause", "no time", "back in time", "turned at once"],
 )
 def test_there_is_no_motion_to_continue(views: list[ViewState]) -> None:
     assert motion_of(views, 0.0) is None

@@ -6,10 +6,10 @@ import pytest
 
 from geopage.priority_queue import PriorityQueue
 from geopage.residency import Residency
-from geopage.server import TileServer
+from geopage.server import PAUSES_S, TileServer
 from geopage.tile_state import State
 from geopage.tree import Tree
-from tiles.errors import TileFault
+from tiles.errors import ReadFault, TileFault
 from tiles.forest import Forest
 from tiles.lanes import Lane
 
@@ -159,3 +159,72 @@ def test_a_tile_without_room_is_not_read_and_can_be_asked_for_again(bench: Bench
     assert bench.state(row) is State.ABSENT
     bench.want(row)
     assert bench.queue.pop(LANE) == row
+
+
+def failing(times: int, fault: type[TileFault]) -> Callable[[], object]:
+    """What a source does meanwhile whose first reads fail."""
+    left = iter(range(times))
+
+    def fail() -> None:
+        if next(left, None) is not None:
+            raise fault("OBJECTS", "cell", "disk I/O error")
+
+    return fail
+
+
+def run_until_idle(bench: Bench) -> float:
+    """Step by the clock until nothing is on its way; return what it shows then."""
+    now_s = 0.0
+    while (wait_s := bench.server.step(now_s)) is not None:
+        now_s += wait_s
+    return now_s
+
+
+def test_a_read_that_fails_for_a_passing_reason_is_tried_again(bench: Bench) -> None:
+    row, other = (int(row) for row in bench.rows[:2])
+    bench.source.meanwhile = failing(len(PAUSES_S), ReadFault)
+    bench.want(row)
+    assert run_until_idle(bench) == pytest.approx(sum(PAUSES_S))
+    assert bench.residency.ready == {(LANE, row): b"BODY"}
+    assert len(bench.source.read_rows) == len(PAUSES_S) + 1
+    assert bench.faults == []
+    bench.source.meanwhile = failing(1, ReadFault)
+    bench.want(row, other)
+    assert run_until_idle(bench) == PAUSES_S[0]
+
+
+def test_a_tile_that_waits_for_its_next_read_stops_no_other(bench: Bench) -> None:
+    row, other = (int(row) for row in bench.rows[:2])
+    bench.source.meanwhile = failing(1, ReadFault)
+    bench.want(row, other)
+    while bench.server.step(0.0) == 0.0:
+        pass
+    assert list(bench.residency.ready) == [(LANE, other)]
+    assert bench.state(row) is State.LOADING
+
+
+@pytest.mark.parametrize(
+    ("fault", "reads"), [(ReadFault, len(PAUSES_S) + 1), (TileFault, 1)]
+)
+def test_a_read_that_always_fails_becomes_one_fault(
+    bench: Bench, fault: type[TileFault], reads: int
+) -> None:
+    row = int(bench.rows[0])
+    bench.source.meanwhile = failing(1000, fault)
+    bench.want(row)
+    run_until_idle(bench)
+    assert len(bench.source.read_rows) == reads
+    assert bench.state(row) is State.FAILED
+    assert bench.faults == ["OBJECTS tile cell: disk I/O error"]
+
+
+def test_a_tile_that_waits_for_its_next_read_is_given_up_when_stale(bench: Bench) -> None:
+    row = int(bench.rows[0])
+    bench.source.meanwhile = failing(1000, ReadFault)
+    bench.want(row)
+    while bench.server.step(0.0) == 0.0:
+        pass
+    bench.want()
+    run_until_idle(bench)
+    assert bench.state(row) is State.ABSENT
+    assert bench.faults == []

@@ -25,7 +25,8 @@ SWAY, HEIGHTS = 0.005, 8
 HERTZ = 2.0
 """How often the eye goes back and forth in a second."""
 WELL = 0.9
-SETTLED_S, SWAYING_S = 0.25, 1.5
+SETTLED_S, SWAYING_S = 1 / HERTZ, 1.5
+"""To and fro once, in which what is needed on either side comes; then it counts."""
 Part = tuple[Lane, int, int]
 """Lane, row, and which part of a tile."""
 

@@ -225,14 +225,14 @@ def test_a_zone_root_is_wanted_before_everything_else() -> None:
 def test_the_coarsest_mesh_within_the_threshold_is_drawn() -> None:
     """And one that was drawn goes only when the threshold is well below its error."""
     records = deep_globe()
-    leaf = cells.level(records["cell"]) == cells.level(records["cell"]).max()
     for times, name in zip((1.2, 1.4, 1.7), RUNG_FIELDS, strict=True):
-        records[name][leaf] = times * records["error_m"][leaf]
+        records[name] = times * records["error_m"]
     forests = {**FORESTS, Lane.TERRAIN: build_forest(records)}
     trees = trees_of(forests)
     land, lens = trees[Lane.TERRAIN], lens_of(view_at(2e3))
     scale = error_px_per_m_of(lens, land.centre, land.radius_m, land.half_m)
-    seen = set()
+    seen: set[int] = set()
+    inner: set[int] = set()
     for px in np.geomspace(0.1, 400.0, 60).tolist():
         chosen = select(trees, lens, everything(trees), Thresholds(px, px))
         rows, every = chosen.terrain, np.column_stack((land.mesh_error_m, land.rung_m))
@@ -248,4 +248,5 @@ def test_the_coarsest_mesh_within_the_threshold_is_drawn() -> None:
         both = np.intersect1d(again.terrain, back.terrain)
         changed = [c.rung[np.isin(c.terrain, both)].tolist() for c in (again, back)]
         assert changed[0] == changed[1]
-    assert seen == {0, 1, 2, 3}
+        inner |= set(chosen.rung[land.children[rows, 0] >= 0].tolist())
+    assert seen == inner == {0, 1, 2, 3}

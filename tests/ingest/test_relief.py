@@ -11,7 +11,7 @@ from ingest.mosaic import Mosaic
 from ingest.relief import LEAF_TEXELS, slopes_of, steeper_of
 from ingest.terrain_mesh import lattice_places
 from ingest.terrain_tile import step_m
-from tests.ingest.rasters import Floats
+from tests.ingest.rasters import EGM96, Floats, coarse, hills, mosaic_of, north_up, write
 from tiles import cells
 from tiles.store import Store
 from tiles.terrain import TEXTURE_SIDE
@@ -66,3 +66,25 @@ def test_spacing_is_that_of_the_source_that_shows(nested: Mosaic) -> None:
     lon, lat = np.radians([11.17, BESIDE[0], 60.0]), np.radians([46.11, BESIDE[1], 20.0])
     coarse, fine = (layer.spacing_m for layer in nested.layers)
     np.testing.assert_array_equal(nested.spacing_m(lon, lat), [fine, coarse, np.inf])
+
+
+def test_a_small_hole_is_shaded_like_the_ground_around_it(tmp_path: Path) -> None:
+    posts, where = hills((600, 600), 0.6, 300.0), north_up(11.0, 46.4, 0.002)
+    posts[30:33, 30:33] = -9999.0
+    posts[20:40, 0:20] = -9999.0
+    fine = write(tmp_path / "fine.tif", posts, where, "EPSG:4326", -9999.0)
+    files = [(coarse(tmp_path / "coarse.tif"), EGM96), (fine, EGM96)]
+    mosaic, connection = mosaic_of(tmp_path / "world.geopage", files)
+    cell = int(cells.cell_at(*np.radians((11.06, 46.34)), 9))
+    lon, lat = lattice_places(cell, 128)
+    exaggerated = slopes(mosaic, cell, 128)[..., 2]
+    connection.close()
+    col = (np.degrees(lon) - 11.0) / 0.002 - 0.5
+    row = (46.4 - np.degrees(lat)) / 0.002 - 0.5
+    small = (np.abs(col - 31) < 1) & (np.abs(row - 31) < 1)
+    large = (np.abs(col - 8) < 2) & (np.abs(row - 30) < 2)
+    around = (np.abs(col - 28) < 4) & (np.abs(row - 10) < 4)
+    assert small.any()
+    assert large.any()
+    assert np.unique(exaggerated[small]) == np.unique(exaggerated[around])
+    assert (exaggerated[large] > exaggerated[around].max()).all()

@@ -14,7 +14,8 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.enums import ColorInterp
 
-from ingest.drape import CLEAR, SHARE, drape, parts_under
+from ingest.coast import KNOWN, SEA
+from ingest.drape import CLEAR, COARSE_M, SHARE, drape, parts_under
 from ingest.layer import Layer
 from ingest.relief import lattice_slopes, steeper_of
 from ingest.surface_texture import TINT_M, colours, texel_m_of
@@ -76,6 +77,7 @@ def paint(
     elevation_m: Floats,
     pictures: list[Layer],
     spacing_m: float = np.inf,
+    knows: float | None = None,
 ) -> Any:
     """Paint a cell from a lattice of heights with one more post all round."""
     lon, lat = lattice_places(cell, len(height_m) - 3, margin=1)
@@ -83,7 +85,9 @@ def paint(
     slopes[..., :2] = lattice_slopes(lon, lat, height_m)
     slopes[..., 2] = steeper_of(np.asarray(geodesy.cell_edge_m(cell)) / TEXTURE_SIDE)
     inner = np.asarray(elevation_m)[1:-1, 1:-1]
-    return colours(cell, slopes, inner, pictures, spacing_m)
+    known = float(spacing_m < COARSE_M) if knows is None else knows
+    knowing = np.full(inner.shape, known, np.float32)
+    return colours(cell, slopes, inner, pictures, knowing)
 
 
 @pytest.mark.parametrize(
@@ -281,6 +285,25 @@ def test_where_a_coarse_picture_and_the_height_agree_both_count(opened: Opener) 
     for spacing_m in (90.0, 1e4):
         found = paint(cell, level, level, [layer], spacing_m)
         assert np.abs(found - (0.75 * np.array(BLUE) + 0.25 * tint)).max() < 2
+
+
+def test_posts_far_apart_draw_no_coast_into_a_coarse_picture(opened: Opener) -> None:
+    cell, ramp = cell_of(6), np.add.outer(np.zeros(19), np.linspace(-40.0, 40.0, 19))
+    layer = opened(plain((90, 100, 60)), north_up(5.0, 52.0, 0.2))
+    for spacing_m, is_drawn in ((90.0, True), (1e4, False)):
+        row = paint(cell, ramp * 0, ramp, [layer], spacing_m)[128]
+        steps = np.abs(np.diff(row, axis=0)).max()
+        assert (steps > 4) == is_drawn
+        assert steps < 1 or is_drawn
+
+
+def test_a_picture_has_no_land_where_posts_say_that_all_is_sea(opened: Opener) -> None:
+    land = (90, 100, 60)
+    layer = opened(plain(land), north_up(5.0, 52.0, 0.2))
+    cell, deep = cell_of(9), np.full((19, 19), -500.0)
+    assert np.abs(paint(cell, deep, deep, [layer], knows=KNOWN) - land).max() < 2
+    found = paint(cell, deep, deep, [layer], knows=SEA)
+    assert (found[..., 2] > 2 * found[..., 0]).all()
 
 
 def test_ground_under_the_sea_shows_a_third_of_its_relief() -> None:

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """A cell's surface is within its bound of all it stands for, and says how close it is."""
 
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
 from ingest.boxes import window_in
 from ingest.fitting import fitted, on_rim
 from ingest.mosaic import Mosaic
-from ingest.rungs import Rung, joined_mesh, laddered
+from ingest.rungs import Rung, joined_mesh, laddered, laddered_inner
 from ingest.terrain_mesh import Surface
 from ingest.terrain_tile import (
     LARGEST_BOUND_M,
@@ -306,6 +308,59 @@ def test_rungs_are_no_further_off_than_they_say_with_fewer_triangles(
         worst = worst_m(path, rung.surface, truth.cell, rng.uniform(size=(4000, 2)))
         assert 0.3 * rung.error_m < worst <= rung.error_m + 0.5 * (crs == UTM)
         before = rung
+
+
+@pytest.mark.parametrize("ground", ["rough", "hills"])
+def test_an_inner_cell_has_a_rung_that_is_no_further_off_than_it_says(
+    ground: str, opened: Opener, rng: np.random.Generator
+) -> None:
+    """Posts below, and places along the rung's edges, by the file's own triangles."""
+    mosaic, path = opened(GROUNDS[ground])
+    cell, leaves = family(mosaic, 1)
+    truths = [truth_of(mosaic, leaf, SIDE) for leaf in leaves]
+    children = [
+        (one.cell, fitted(one.cell, places_of(one), 5.0, [one], leaf=True)[0])
+        for one in truths
+    ]
+    bound_m = inner_bound_m(cell)
+    places = joined(cell, children, bound_m)
+    whole, error_m, rungs = laddered_inner(cell, places, bound_m, truths)
+    assert error_m <= bound_m
+    (rung,) = rungs
+    surface = rung.surface
+    assert error_m < rung.error_m <= math.sqrt(2) * bound_m
+    assert len(surface.triangles) < 0.9 * len(whole.triangles)
+    assert set(map(tuple, surface.at.tolist())) <= set(map(tuple, whole.at.tolist()))
+    posts = np.concatenate([uv_in(cell, one) for one in truths])
+    edges = surface.uv[surface.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)]
+    share = rng.uniform(size=(len(edges), 1))
+    along = edges[:, 0] + share * (edges[:, 1] - edges[:, 0])
+    nearest = [
+        nearest_m(path, surface, cell, uv)
+        for uv in (rng.choice(posts, 200), rng.choice(along, 200))
+    ]
+    assert 0.2 * rung.error_m < max(nearest) <= rung.error_m
+
+
+def uv_in(cell: int, truth: Truth) -> Floats:
+    """Return the posts of a leaf that lie in it, as fractions of a cell above, (n, 2)."""
+    flat = truth.uv.reshape(-1, 2)
+    u, v, size = window_in(cell, truth.cell)
+    inside = ((flat >= 0) & (flat <= 1)).all(axis=1)
+    return np.asarray(np.array([u, v]) + size * flat[inside])
+
+
+def nearest_m(path: Path, surface: Surface, cell: int, uv: Floats) -> float:
+    """Return how far true places at fractions of a cell are from a surface, at most."""
+    lon, lat = places_deg(cell, uv)
+    there = ecef(lon, lat, own_surface_m(path, lon, lat, egm96=False)) - surface.centre
+    corners = surface.points[surface.triangles]
+    far_m = []
+    for place in there:
+        every = np.tile(place, (len(corners), 1))
+        gap = trimesh.triangles.closest_point(corners, every) - place
+        far_m.append(np.linalg.norm(gap, axis=1).min())
+    return max(far_m)
 
 
 def test_flat_ground_has_no_rungs(opened: Opener) -> None:

@@ -85,6 +85,29 @@ def test_geopage_sample_agrees_with_the_san_francisco_file(
     assert {one["source"] for one in found} == {"sanfrancisco"}
 
 
+def test_geopage_sample_warns_of_heights_that_may_be_far_off(
+    nested_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store, points = str(nested_folder / "world.geopage"), tmp_path / "points.csv"
+    points.write_text("lat_deg,lon_deg\n46.12,11.15\n46.6,10.8\n46.5,10.8\n-40,0\n")
+    words = ["sample", store, "--points", str(points)]
+    assert main([*words, "--json"]) == 0
+    said = capsys.readouterr()
+    fine, coarse, _, nothing = json.loads(said.out)["points"]
+    assert said.err == ""
+    assert fine["source"] == "inset"
+    assert fine["error_m"] <= 10
+    assert "warning" not in fine
+    assert coarse["error_m"] > 10
+    assert "of coarse, which are 2," in coarse["warning"]
+    assert nothing["source"] is None
+    assert "no source" in nothing["warning"]
+    assert main(words) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert sum("(2 of 4 places)" in line for line in lines) == 1
+
+
 def test_every_place_of_the_globe_has_a_leaf(
     nested_folder: Path, rng: np.random.Generator
 ) -> None:
@@ -188,10 +211,17 @@ def test_the_lowest_coarser_terrain_is_that_of_the_tiles_within_the_error(
             expected = np.where(counts, np.minimum(expected, height), expected)
         rungs_m = rung_errors_m(surface.forest.records)
         assert np.isfinite(rungs_m[rows]).any()
-        for rung in (1, 2, 3):
-            height = surface.heights_in(rows, lon, lat, rung)
-            counts = rungs_m[rows, rung - 1] <= within
-            expected = np.where(counts, np.minimum(expected, height), expected)
+        inner = 0
+        for level in range(cells.MAX_LEVEL):
+            at_most = np.minimum(level, leaf)
+            here = surface.forest.row_of(cells.cell_at(lon, lat, at_most))
+            reached = (level >= leaf) | (surface.selected_m[here] <= within)
+            for rung in (1, 2, 3):
+                height = surface.heights_in(here, lon, lat, rung)
+                counts = reached & (rungs_m[here, rung - 1] <= within)
+                inner += (counts & (level < leaf)).sum()
+                expected = np.where(counts, np.minimum(expected, height), expected)
+        assert inner > 0
         assert surface.lowest(lon, lat, within).tolist() == expected.tolist()
     assert 0.1 < np.isfinite(expected).mean() < 0.9
 

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from geopage.cli import guarded
-from geopage.settings import PagerSettings
 from tiles.errors import InputError
 from tiles.store import Store
 from tiles.surface import Surface
 from tiles.writer import Writer
-from viewer.accuracy import accuracy, summary
-from viewer.cli import accuracy as command
+from viewer.accuracy import Asked, accuracy
+from viewer.accuracy_table import percent
+from viewer.accuracy_words import summary
+from viewer.cli_accuracy import accuracy as command
 from viewer.random_views import boxes_of, random_poses
-from viewer.session import Picture
 from viewer.tally import Tally
 
-SIZE = Picture((96, 64))
+SIZE_PX = (96, 64)
 NAMES = {"p50", "p95", "p99", "max", "share_within_threshold", "share_limited_by_leaf"}
 
 
@@ -32,7 +32,7 @@ def store(hill_store: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def found(store: Path) -> dict[str, Any]:
-    return accuracy(store, PagerSettings(2.0), SIZE, 12, 5, store.parent / "out")
+    return accuracy(store, Asked((2.0,), 12, 5, SIZE_PX), store.parent / "out")
 
 
 pytestmark = pytest.mark.usefixtures("gl_context")
@@ -67,6 +67,18 @@ def test_the_folder_holds_the_figures_and_a_line_a_view(
     assert max(float(row["max"] or 0) for row in rows) == pytest.approx(found["max"])
 
 
+def test_several_thresholds_are_measured_on_the_same_views(
+    store: Path, found: dict[str, Any]
+) -> None:
+    report = accuracy(store, Asked((2.0, 64.0), 12, 5, SIZE_PX))
+    fine, coarse = report["thresholds"]
+    assert [one["threshold_px"] for one in report["thresholds"]] == [2.0, 64.0]
+    assert all(one["share_within_threshold"] == 1.0 for one in report["thresholds"])
+    assert fine["triangles_mean"] > coarse["triangles_mean"]
+    assert fine["where_no_leaf_limits"]["p95"] < coarse["where_no_leaf_limits"]["p95"]
+    assert fine["p95"] == pytest.approx(found["p95"], rel=0.1)  # as when measured alone
+
+
 def test_terrain_that_moved_after_the_ingest_is_found(store: Path, tmp_path: Path) -> None:
     moved = tmp_path / "moved.geopage"
     with Store(store) as source:
@@ -79,7 +91,7 @@ def test_terrain_that_moved_after_the_ingest_is_found(store: Path, tmp_path: Pat
         "UPDATE source SET details=? WHERE name='hills'", (json.dumps(wrong),)
     )
     writer.close()
-    found = accuracy(moved, PagerSettings(2.0), SIZE, 6, 5)
+    found = accuracy(moved, Asked((2.0,), 6, 5, SIZE_PX))
     assert found["share_within_threshold"] < 0.9
 
 
@@ -93,7 +105,7 @@ def test_a_damaged_copy_of_a_source_is_refused_in_one_line(
     writer.connection.execute("UPDATE raster_block SET body=x'00' WHERE row=0 AND col=1")
     writer.close()
     with pytest.raises(InputError, match="its copy is damaged") as raised:
-        accuracy(damaged, PagerSettings(2.0), SIZE, 1, 1)
+        accuracy(damaged, Asked((2.0,), 1, 1, SIZE_PX))
     assert "\n" not in str(raised.value)
 
 
@@ -131,6 +143,35 @@ def test_a_tally_of_nothing_has_no_figures() -> None:
     assert "no pixel" in summary(nothing)
 
 
+def test_all_that_is_measured_is_in_the_document(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [str(store), "--views", "2", "--threshold", "8,2", "--size", "64x48", "--all"]
+    assert guarded(command, [*words, "--out", str(tmp_path), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    text = (tmp_path / "ACCURACY.md").read_text()
+    assert "| 2 | " in text
+    assert "| 8 | " in text
+    assert report["heights"][0]["places"] == 10_000
+    assert "| hills | " in text
+    assert len(report["flights"]) == 8
+    assert "| north pole | 2 | " in text
+    assert report["selection"][0]["cells"] < 10_000 < report["selection"][1]["cells"]
+    assert (tmp_path / "pictures" / "accuracy.svg").read_text().count("threshold") >= 2
+    with (tmp_path / "views.csv").open() as file:
+        assert [row["threshold_px"] for row in csv.DictReader(file)] == ["2.0"] * 2 + [
+            "8.0"
+        ] * 2
+
+
+def test_only_all_is_100_percent_and_only_nothing_is_0() -> None:
+    assert percent(1.0) == "100 %"
+    assert percent(1 - 1e-7) == "99.99999 %"
+    assert percent(0.12345) == "12.35 %"
+    assert percent(2e-7) == "0.00002 %"
+    assert percent(0.0) == "0.00 %"
+
+
 def test_the_command_says_it_in_words_and_in_json(
     store: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -139,7 +180,6 @@ def test_the_command_says_it_in_words_and_in_json(
     said = capsys.readouterr()
     assert "p95" in said.out
     assert "--look" in said.out
-    assert not said.err
     assert guarded(command, [*words, "--seed", "9", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["threshold_px"] == 4.0
@@ -152,7 +192,8 @@ def test_the_command_says_it_in_words_and_in_json(
         (["--views", "0"], "expected a whole number above 0"),
         (["--views", "2.5"], "expected a whole number above 0"),
         (["--seed", "-1"], "--seed is below 0"),
-        (["--threshold", "0"], "expected a number above 0"),
+        (["--threshold", "0"], "expected numbers above 0"),
+        (["--threshold", "2,-1"], "expected numbers above 0"),
     ],
 )
 def test_bad_words_are_refused_in_one_line(
@@ -166,4 +207,4 @@ def test_bad_words_are_refused_in_one_line(
 
 def test_a_folder_that_cannot_be_made_is_refused(store: Path) -> None:
     with pytest.raises(InputError, match="name a folder"):
-        accuracy(store, PagerSettings(4.0), Picture((32, 32)), 1, 1, store / "inside")
+        accuracy(store, Asked((4.0,), 1, 1, (32, 32)), store / "inside")

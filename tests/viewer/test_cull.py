@@ -15,8 +15,9 @@ from tiles.objects import prefix_end
 from tiles.terrain import TEXTURE_SIDE
 from viewer import cull
 from viewer.camera import Pose, project, view_state
+from viewer.cull_objects import cull_objects
 from viewer.look import PLAIN, frame_block
-from viewer.slots import PATCH_M, POOL, SLOT, make_slots
+from viewer.slots import PATCH_M, POOL, SLOT, make_blocks, make_slots
 
 SIZE = (640, 360)
 
@@ -92,7 +93,7 @@ def terrain_lists(rng: np.random.Generator, n: int) -> cull.Lists:
     slots["scale_m"] = rng.random(n)
     slots["noise"] = rng.random((n, 3))
     rows = rng.permutation(n).astype(np.int32)
-    return cull.Lists(rows, slots, centre, radius, cubes(radius), records)
+    return cull.Lists(rows, slots, centre, radius, cubes(radius), records, make_blocks(1))
 
 
 def whole(lists: cull.Lists) -> np.ndarray:
@@ -116,7 +117,7 @@ def test_commands_and_records_are_those_of_a_plain_loop(rng: np.random.Generator
     skirt = rng.uniform(0, 100, 400).astype(np.float32)
     rung = rng.integers(0, 4, 400).astype(np.uint8)
     room, eye = cull.make_room(400), cull.eye_of(view)
-    n, triangles, error_px, _ = cull.cull_terrain(
+    n, triangles, error_px, _, _ = cull.cull_terrain(
         lists, rung, skirt, fine(400), eye, 640 * 360.0, room
     )
     expected = [
@@ -151,7 +152,7 @@ def test_commands_run_from_near_to_far(rng: np.random.Generator) -> None:
     lists.radius_m[:] = 1.0
     view = view_state(Pose(0.2, 0.3, 2e7, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(300)
-    n, _, _, _ = cull.cull_terrain(
+    n, _, _, _, _ = cull.cull_terrain(
         lists,
         whole(lists),
         np.zeros(300, np.float32),
@@ -181,7 +182,7 @@ def test_tiles_of_a_kind_lie_together_and_are_counted(rng: np.random.Generator) 
     skirt, detail_m = np.zeros(300, np.float32), fine(300)
     detail_m[::5] = 1e9
     sizes = skirt, detail_m
-    n, _, _, kinds = cull.cull_terrain(
+    n, _, _, kinds, _ = cull.cull_terrain(
         lists, whole(lists), *sizes, cull.eye_of(view), 1.0, room
     )
     instances = room.commands[:n, 4]
@@ -205,11 +206,12 @@ def test_the_screen_error_is_the_area_weighted_mean() -> None:
     slots["part_error_m"] = records["error_m"][:, None]
     radius = np.array([1000.0, 500.0])
     boxes = centre, radius, cubes(radius)
-    lists = cull.Lists(np.arange(2, dtype=np.int32), slots, *boxes, records)
+    rows = np.arange(2, dtype=np.int32)
+    lists = cull.Lists(rows, slots, *boxes, records, make_blocks(1))
     view = view_state(Pose(0.0, 0.0, 1e6, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(2)
     skirt = np.zeros(2, np.float32)
-    _, _, error, _ = cull.cull_terrain(
+    _, _, error, _, _ = cull.cull_terrain(
         lists, whole(lists), skirt, fine(2), cull.eye_of(view), 1e9, room
     )
     scale = view.focal_px / 1e6
@@ -224,7 +226,7 @@ def test_the_drawn_prefix_is_what_is_larger_than_the_threshold(
     room, lists, pool = prepared(world)
     drawn = whole_list(world, view)
     parts = drawn.own, drawn.proxies, pool, np.zeros((1, 4), np.uint8)
-    n, _, objects, fading = cull.cull_objects(
+    n, _, objects, fading = cull_objects(
         lists, parts, drawn.shares(0.0), cull.eye_of(view), threshold_px, room
     )
     assert not fading
@@ -261,7 +263,7 @@ def prepared(world: World) -> tuple[cull.Room, cull.Lists, np.ndarray]:
     slots[0]["proxy_count"][proxy["child"]] = proxy["index_end"] - proxy["index_start"]
     rows = np.zeros(1, np.int32)
     boxes = forest.centre, forest.radius_m, cubes(forest.radius_m)
-    lists = cull.Lists(rows, slots, *boxes, forest.records)
+    lists = cull.Lists(rows, slots, *boxes, forest.records, make_blocks(1))
     return cull.make_room(8), lists, pool
 
 
@@ -284,6 +286,7 @@ def test_what_the_gpu_gets_is_exact_to_a_hundredth_of_a_pixel(
             np.full(1, 200.0),
             cubes(np.full(1, 200.0)),
             np.zeros(1, INDEX),
+            make_blocks(1),
         )
         room = cull.make_room(1)
         skirt = np.zeros(1, np.float32)

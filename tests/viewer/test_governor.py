@@ -86,7 +86,7 @@ def test_the_forecast_looks_where_the_eye_will_be(flight: Flight) -> None:
 
 
 def test_a_rate_out_of_reach_makes_detail_coarser(hill_store: Path, tmp_path: Path) -> None:
-    path = read_path(write_path(tmp_path / "still.json", 2.0, (400.0, 399.0)))
+    path = read_path(write_path(tmp_path / "still.json", 2.0, (2e4, 19_999.0)))
     with Session(hill_store, SETTINGS, PICTURE) as session:
         governor = Governor(session, Thresholds(0.5, 0.5), fps=2000.0)
         flight = Flight(path, session.surface, PICTURE.size_px)

@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 import csv
 import json
+from dataclasses import replace as with_these
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from geopage.settings import MIB, REPLAYED
-from tests.geopage.worlds import deep_globe, object_records, write_store
+from geopage.screen_error import lens_of
+from geopage.selection import Thresholds, select
+from geopage.settings import MIB, REPLAYED, PagerSettings
+from tests.geopage.worlds import SPOT, deep_globe, object_records, write_store
 from tiles.errors import InputError
+from tiles.lanes import Lane
 from viewer.camera_path import read_path
 from viewer.cli_replay import replay
+from viewer.paging import Paging
+from viewer.stability.site import Site
 
 KEYS = [(0.0, 1e6), (1.0, 2e4), (2.0, 300.0)]
 
@@ -108,6 +114,27 @@ def test_a_trace_has_a_line_for_each_tile_that_was_loaded(
     page = (tmp_path / "index.html").read_text()
     assert "trace.svg" in page
     assert (tmp_path / "trace.svg").is_file()
+
+
+def test_a_tile_is_missing_where_coarser_ones_are_drawn_but_not_where_finer_are(
+    flight: list[str],
+) -> None:
+    paging, site = Paging(Path(flight[0]), PagerSettings(fade_s=0.0)), Site(*SPOT)
+    with paging.pager:
+        paging.settle(site.view(1e6))
+        low = site.view(1e4)
+        drawn, tree = paging.frame(low), paging.trees[Lane.OBJECTS]
+        limits = Thresholds(2.0, 2.0)
+        missing = select(paging.trees, lens_of(low), paging._there, limits)
+        rows = missing.wants[Lane.OBJECTS].rows
+        assert len(rows) > 1
+        assert paging.objects_missing(drawn, low) == len(rows)
+        coarser = with_these(drawn, objects=tree.parent[rows])
+        assert paging.objects_missing(coarser, low) == len(rows)
+        below = tree.children[rows[:1]]
+        finer = with_these(drawn, objects=below[below >= 0])
+        assert len(finer.objects)
+        assert paging.objects_missing(finer, low) < len(rows)
 
 
 def test_a_recorded_flight_is_paged_like_its_path(

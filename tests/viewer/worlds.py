@@ -16,7 +16,7 @@ from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.mesh import ROOF, SKIRT, UV_ONE, VERTEX, WALL, Mesh, quantise
 from tiles.objects import OBJECT, PROXY, PROXY_ORDINAL, ObjectTile
-from tiles.terrain import MIP_SIDES, TerrainTile
+from tiles.terrain import MIP_SIDES, TerrainTile, blocked
 
 Height = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 Rgb = tuple[int, int, int]
@@ -50,7 +50,7 @@ def checker(
 def terrain_tile(
     cell: int, texture: NDArray[np.uint8], side: int = 17, height: Height = sea_level
 ) -> TerrainTile:
-    """A grid of side x side vertices with a skirt all around."""
+    """A grid of side x side vertices with a skirt all around, in blocks."""
     west, south, east, north = (float(x) for x in cells.bounds_rad(cell))
     u, v = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side))
     lon, lat = west + u * (east - west), south + v * (north - south)
@@ -71,7 +71,7 @@ def terrain_tile(
     skirt = np.stack((rim, hang, rim[nxt], rim[nxt], hang, hang[nxt]), -1).ravel()
     indices = np.concatenate([surface, skirt]).astype(np.uint16)
     mesh = Mesh(Ecef(centre), scale, vertices, indices)
-    return TerrainTile(cell, mesh, len(surface), 20_000.0, 0.0, texture)
+    return blocked(TerrainTile(cell, mesh, len(surface), 20_000.0, 0.0, texture))
 
 
 def _rim(side: int) -> NDArray[np.int64]:

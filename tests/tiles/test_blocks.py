@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Blocks are all of a mesh's triangles, each beside its neighbours and inside its box."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.viewer.worlds import one_colour, terrain_tile
+from tiles import cells, terrain
+from tiles.blocks import BLOCKS, BOX_STEPS, FEWEST, SIDE, axes_of
+from tiles.errors import TileFault
+from tiles.frames import Floats
+from tiles.mesh import SKIRT, UV_ONE, Mesh
+from tiles.terrain import RUNG, TerrainTile, blocked, no_blocks
+
+PLACES = ((0.1, 0.2, 12), (3.1, -1.2, 8), (-2.0, 1.5707, 6), (1.0, -0.4, 3), (0.4, 0.4, 0))
+
+
+def rough(seed: int, height_m: float) -> TerrainTile:
+    """A tile of noise with a rung, in no blocks and in no order."""
+    rng = np.random.default_rng(seed)
+    lon, lat, level = PLACES[seed % len(PLACES)]
+    cell = int(cells.cell_at(lon, lat, level))
+
+    def height(lon: Floats, lat: Floats) -> Floats:
+        return np.asarray(rng.uniform(0, height_m, np.broadcast(lon, lat).shape))
+
+    fine = terrain_tile(cell, one_colour((9, 9, 9)), 33, height)
+    count = fine.surface_index_count
+    surface = rng.permutation(fine.surface())
+    coarse = surface[:600]
+    indices = np.concatenate(
+        [surface.ravel(), fine.mesh.indices[count:], coarse.ravel()]
+    ).astype(np.uint16)
+    rungs = np.array([(5e4, len(fine.mesh.indices), 1800, 1800)], RUNG)
+    mesh = replace(fine.mesh, indices=indices)
+    return replace(fine, mesh=mesh, rungs=rungs, blocks=no_blocks())
+
+
+def ranges(tile: TerrainTile, rung: int) -> list[tuple[int, np.ndarray]]:
+    """Number and triangles of each block of a mesh."""
+    ends = np.cumsum(tile.blocks["count"][rung], dtype=np.int64)
+    parts = np.split(tile.surface(rung), ends)
+    assert len(parts.pop()) == 0
+    return list(enumerate(parts))
+
+
+def as_set(triangles: np.ndarray) -> list[tuple[int, ...]]:
+    return sorted(tuple(one) for one in triangles.tolist())
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_blocks_are_all_triangles_each_in_the_square_of_its_middle(seed: int) -> None:
+    before = rough(seed, 500.0)
+    after = blocked(before)
+    assert after.blocks.shape == (2, BLOCKS)
+    for rung in (0, 1):
+        assert as_set(after.surface(rung)) == as_set(before.surface(rung))
+        for number, triangles in ranges(after, rung):
+            at = after.mesh.vertices["detail"][triangles].astype(float).mean(axis=1)
+            col, row = np.floor(at.T * SIDE / UV_ONE).astype(int)
+            for bit in range(3):
+                assert (col >> bit & 1 == number >> 2 * bit & 1).all()
+                assert (row >> bit & 1 == number >> 2 * bit + 1 & 1).all()
+    skirt = slice(before.surface_index_count, int(before.rungs["first_index"][0]))
+    assert np.array_equal(after.mesh.indices[skirt], before.mesh.indices[skirt])
+    assert after.mesh.vertices.tobytes() == before.mesh.vertices.tobytes()
+
+
+@pytest.mark.parametrize("height_m", [0.0, 3000.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_box_holds_its_triangles_as_a_gpu_places_them(seed: int, height_m: float) -> None:
+    """Steps are added and scaled in float32, as the shader does, from any eye."""
+    tile = blocked(rough(seed, height_m))
+    axes, rng = axes_of(tile.mesh.centre), np.random.default_rng(seed)
+    scale = np.float32(tile.mesh.scale_m)
+    whole = np.rint(rng.uniform(-4e4, 4e4, 3)).astype(np.float32)
+    rest = rng.uniform(0, 1, 3).astype(np.float32) * scale
+    steps = tile.mesh.vertices["position"].astype(np.float32)
+    placed = ((steps + whole) * scale + rest).astype(np.float64)
+    local = (placed - rest.astype(float)) / float(scale) - whole
+    for rung in (0, 1):
+        for number, triangles in ranges(tile, rung):
+            box = tile.blocks[rung, number]
+            spots = local[triangles].reshape(-1, 3) @ axes.T
+            # A step more, as culling allows.
+            assert (spots >= BOX_STEPS * box["low"].astype(float) - 1.0).all()
+            assert (spots <= BOX_STEPS * box["high"].astype(float) + 1.0).all()
+
+
+def test_boxes_are_not_much_larger_than_their_blocks() -> None:
+    tile = blocked(rough(0, 10.0))
+    assert (tile.mesh.vertices["flags"] & SKIRT).any()
+    box = tile.blocks[0]
+    sides = box["high"].astype(float) - box["low"]
+    whole = 2 * 32767 / BOX_STEPS
+    assert (sides[:, :2] < 1.5 * whole / SIDE + 3).all()
+
+
+def test_small_meshes_have_no_blocks() -> None:
+    side = int(np.sqrt(FEWEST / 2))
+    few = terrain_tile(int(cells.cell_at(0.1, 0.2, 9)), one_colour((9, 9, 9)), side)
+    assert few.blocks.shape == (0, BLOCKS)
+    assert terrain.decode(terrain.encode(few)).blocks.shape == (0, BLOCKS)
+
+
+def test_blocks_come_back_and_other_counts_are_a_fault() -> None:
+    tile = blocked(rough(1, 100.0))
+    found = terrain.decode(terrain.encode(tile))
+    assert found.blocks.tobytes() == tile.blocks.tobytes()
+    assert found.rungs.tobytes() == tile.rungs.tobytes()
+    assert found.mesh.indices.tobytes() == tile.mesh.indices.tobytes()
+    for rung in (0, 1):
+        wrong = tile.blocks.copy()
+        wrong["count"][rung, 7] += 1
+        with pytest.raises(TileFault, match="blocks are not its surface"):
+            terrain.decode(terrain.encode(replace(tile, blocks=wrong)))
+    for wrong in (tile.blocks[:1], np.concatenate([tile.blocks, tile.blocks])):
+        with pytest.raises(TileFault, match="another length"):
+            terrain.decode(terrain.encode(replace(tile, blocks=wrong)))
+    with pytest.raises(TileFault, match="another length"):
+        terrain.decode(terrain.encode(replace(tile, blocks=tile.blocks[:, :9])))
+
+
+def test_a_rung_whose_surface_is_longer_than_itself_is_a_fault() -> None:
+    tile = rough(2, 100.0)
+    rungs = tile.rungs.copy()
+    rungs["surface_index_count"] += 3
+    with pytest.raises(TileFault, match="a rung beyond"):
+        terrain.decode(terrain.encode(replace(tile, rungs=rungs)))
+
+
+def test_a_mesh_with_an_empty_rung_is_put_into_blocks() -> None:
+    tile = rough(3, 100.0)
+    rungs = tile.rungs.copy()
+    rungs["surface_index_count"] = rungs["index_count"] = 0
+    found = blocked(replace(tile, rungs=rungs))
+    assert found.blocks["count"].sum(axis=1).tolist() == [2048, 0]
+    assert isinstance(found.mesh, Mesh)
