@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.frames import Ecef, Floats, Ints
+from tiles.kernels import kernel
 from tiles.mesh import UV_ONE, VERTEX
 
 SIDE = 8
@@ -27,15 +28,6 @@ BLOCK = np.dtype(
         ("count", "<u2"),  # triangles
     ]
 )
-
-
-def morton(at: Ints) -> Ints:
-    """Return Morton codes of (n, 2) numbers of ten bits."""
-    code = np.zeros(len(at), np.int64)
-    for bit in range(BITS):
-        for axis in range(2):
-            code |= (at[:, axis] >> bit & 1) << (2 * bit + axis)
-    return code
 
 
 def axes_of(centre: Ecef) -> Floats:
@@ -62,19 +54,42 @@ def in_blocks(
     blocks : (BLOCKS,) BLOCK
     """
     assert vertices.dtype == VERTEX
-    middle = vertices["detail"].astype(np.int64)[triangles].sum(axis=1)
-    place = np.minimum((middle << BITS) // (3 * UV_ONE), (1 << BITS) - 1)
-    code = morton(place)
-    order = np.argsort(code, kind="stable")
-    triangles = triangles[order]
-    block = code[order] // ((1 << 2 * BITS) // BLOCKS)
-    blocks = np.zeros(BLOCKS, BLOCK)
-    blocks["count"] = np.bincount(block, minlength=BLOCKS)
-    first = np.flatnonzero(np.diff(block, prepend=-1))
     spots = vertices["position"] @ axes_of(centre).T / BOX_STEPS
-    corners = spots[triangles]
-    low = np.minimum.reduceat(corners.min(axis=1), first)
-    high = np.maximum.reduceat(corners.max(axis=1), first)
-    blocks["low"][block[first]] = np.floor(low)
-    blocks["high"][block[first]] = np.ceil(high)
-    return triangles, blocks
+    order, count, low, high = _sorted(triangles, vertices["detail"], spots)
+    blocks = np.zeros(BLOCKS, BLOCK)
+    blocks["count"], some = count, count > 0
+    blocks["low"][some] = np.floor(low[some])
+    blocks["high"][some] = np.ceil(high[some])
+    return triangles[order], blocks
+
+
+@kernel
+def _sorted(
+    triangles: NDArray[np.uint16], uv: NDArray[np.uint16], spots: Floats
+) -> tuple[Ints, Ints, Floats, Floats]:
+    """Put triangles in order; count each block's, and find their least and largest spots.
+
+    Parameters
+    ----------
+    uv, spots : (v, 2) and (v, 3) of the vertices
+    """
+    code = np.zeros(len(triangles), np.int64)
+    for t in range(len(triangles)):
+        for axis in range(2):
+            middle = np.int64(0)
+            for k in range(3):
+                middle += np.int64(uv[triangles[t, k], axis])
+            place = min((middle << BITS) // (3 * UV_ONE), (1 << BITS) - 1)
+            for bit in range(BITS):
+                code[t] |= (place >> bit & 1) << (2 * bit + axis)
+    count = np.zeros(BLOCKS, np.int64)
+    low, high = np.full((BLOCKS, 3), np.inf), np.full((BLOCKS, 3), -np.inf)
+    for t in range(len(triangles)):
+        block = code[t] * BLOCKS >> 2 * BITS
+        count[block] += 1
+        for k in range(3):
+            for axis in range(3):
+                spot = spots[triangles[t, k], axis]
+                low[block, axis] = min(low[block, axis], spot)
+                high[block, axis] = max(high[block, axis], spot)
+    return np.argsort(code, kind="mergesort"), count, low, high
