@@ -30,6 +30,17 @@ BLOCK = np.dtype(
 )
 
 
+@kernel
+def morton(at: Ints) -> Ints:
+    """Return Morton codes of (n, 2) numbers of ten bits."""
+    code = np.zeros(len(at), np.int64)
+    for i in range(len(at)):
+        for bit in range(BITS):
+            for axis in range(2):
+                code[i] |= (at[i, axis] >> bit & 1) << (2 * bit + axis)
+    return code
+
+
 def axes_of(centre: Ecef) -> Floats:
     """Return the directions that boxes are along: east, north, up; (3, 3)."""
     up = centre / np.linalg.norm(centre)
@@ -73,15 +84,12 @@ def _sorted(
     ----------
     uv, spots : (v, 2) and (v, 3) of the vertices
     """
-    code = np.zeros(len(triangles), np.int64)
+    place = np.zeros((len(triangles), 2), np.int64)
     for t in range(len(triangles)):
-        for axis in range(2):
-            middle = np.int64(0)
-            for k in range(3):
-                middle += np.int64(uv[triangles[t, k], axis])
-            place = min((middle << BITS) // (3 * UV_ONE), (1 << BITS) - 1)
-            for bit in range(BITS):
-                code[t] |= (place >> bit & 1) << (2 * bit + axis)
+        for k in range(3):
+            for axis in range(2):
+                place[t, axis] += uv[triangles[t, k], axis]
+    code = morton(np.minimum((place << BITS) // (3 * UV_ONE), (1 << BITS) - 1))
     count = np.zeros(BLOCKS, np.int64)
     low, high = np.full((BLOCKS, 3), np.inf), np.full((BLOCKS, 3), -np.inf)
     for t in range(len(triangles)):
