@@ -23,6 +23,7 @@ HELP = {
     "fly": "fly a camera path and write a report",
     "film": "make a film of a camera path, every frame of it complete",
     "replay": "page a flight without drawing it, by any policy, the same every time",
+    "paging": "replay flights under every policy: each number of paging beside its limit",
     "accuracy": "measure the pixel error of random views against the sources",
     "bench": "speed against accuracy of several methods over a sweep of thresholds",
     "experiments": "the experiments of five papers again, their figures beside ours",

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from geopage.arguments import Parser, numbers, positive, print_json, size
+from geopage.policies.described import described
 from geopage.settings import MIB, REPLAYED, PagerSettings, Throttle
 from tiles.errors import InputError
 from tiles.store import Store
@@ -48,7 +49,8 @@ def replay(words: list[str]) -> int:
         " views draw when all is there. late: tiles uploaded after something coarser was"
         " drawn in their place, and after how long. hit: share of tiles read before a view"
         " missed them that were drawn; undrawn: share of all tiles read that never were."
-        " The first view is there before the clock starts, and is not counted.",
+        " The first view is there before the clock starts, and is not counted.\n\n"
+        f"policies:\n{described(REPLAYED)}",
     )
     parser.add_argument("store", type=Path)
     parser.add_argument("path", type=Path, metavar="PATH.json|FRAMES.csv")
