@@ -23,6 +23,7 @@ from rasterio.enums import Resampling
 from rasterio.windows import Window
 
 from ingest.bc1 import encode
+from ingest.coast import KNOWN
 from ingest.relief import lattice_slopes
 from ingest.surface_texture import colours
 from ingest.terrain_mesh import lattice_places
@@ -102,7 +103,8 @@ def pictures() -> dict[str, Colours]:
     cell = int(cells.cell_at(np.radians(85.5), np.radians(28.1), 9))
     height_m, slopes = posts[::-1], np.ones((129, 129, 3))
     slopes[..., :2] = lattice_slopes(*lattice_places(cell, 128, margin=1), height_m)
-    found = {"tint": colours(cell, slopes, height_m[1:-1, 1:-1], [])}
+    knows = np.full((129, 129), KNOWN, np.float32)
+    found = {"tint": colours(cell, slopes, height_m[1:-1, 1:-1], [], knows)}
     for name in ("langtang", "sanfrancisco"):
         with rasterio.open(SAMPLES / f"{name}_ground.tif") as dataset:
             middle = Window(dataset.width // 2, dataset.height // 2, 256, 256)

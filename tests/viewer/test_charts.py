@@ -120,10 +120,11 @@ def test_the_page_shows_what_was_measured_where_it_was(tmp_path: Path) -> None:
     write_page(tmp_path, Page("a", "b", run))
     assert "geometric error" not in (tmp_path / "index.html").read_text()
     error = {"p50": 0.123, "p95": 0.456, "share_within_threshold": 0.9875}
-    run["geometric_error_px"] = {**error, "frames": [{}] * 7}
+    judged = {"share_not_judged": 0.25, "frames": [{}] * 7}
+    run["geometric_error_px"] = {**error, **judged}
     write_page(tmp_path, Page("a", "b", run))
     text = (tmp_path / "index.html").read_text()
-    for words in ("0.12 px", "0.46 px", "98.75 %", "at 7 frames"):
+    for words in ("0.12 px", "0.46 px", "98.75 %", "75 % of the earth", "at 7 frames"):
         assert words in text
 
 
