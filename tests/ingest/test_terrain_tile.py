@@ -14,7 +14,7 @@ from ingest.boxes import window_in
 from ingest.fitting import fitted, on_rim
 from ingest.mosaic import Mosaic
 from ingest.rungs import Rung, joined_mesh, laddered, laddered_inner
-from ingest.terrain_mesh import Surface
+from ingest.terrain_mesh import Places, Surface
 from ingest.terrain_tile import (
     LARGEST_BOUND_M,
     inner_bound_m,
@@ -175,11 +175,8 @@ def family(mosaic: Mosaic, depth: int) -> tuple[int, list[int]]:
     return int(cells.ancestor(leaf, level - depth)), below
 
 
-@pytest.mark.parametrize("ground", ["rough", "hills", "smooth", "cliff", "flat"])
-def test_an_inner_cell_is_within_its_bound_of_all_posts_below(
-    ground: str, opened: Opener, rng: np.random.Generator
-) -> None:
-    mosaic, path = opened(GROUNDS[ground])
+def inner_of(mosaic: Mosaic) -> tuple[int, Places, float, list[Truth]]:
+    """Return a cell above four leaves, its places, its bound, and what it stands for."""
     cell, leaves = family(mosaic, 1)
     truths = [truth_of(mosaic, leaf, SIDE) for leaf in leaves]
     children = [
@@ -187,7 +184,15 @@ def test_an_inner_cell_is_within_its_bound_of_all_posts_below(
         for one in truths
     ]
     bound_m = inner_bound_m(cell)
-    places = joined(cell, children, bound_m)
+    return cell, joined(cell, children, bound_m), bound_m, truths
+
+
+@pytest.mark.parametrize("ground", ["rough", "hills", "smooth", "cliff", "flat"])
+def test_an_inner_cell_is_within_its_bound_of_all_posts_below(
+    ground: str, opened: Opener, rng: np.random.Generator
+) -> None:
+    mosaic, path = opened(GROUNDS[ground])
+    cell, places, bound_m, truths = inner_of(mosaic)
     surface, error_m = fitted(cell, places, bound_m, truths, leaf=False)
     assert 0 < error_m <= bound_m
     assert worst_m(path, surface, cell, rng.uniform(size=(4000, 2))) <= error_m
@@ -316,14 +321,7 @@ def test_an_inner_cell_has_a_rung_that_is_no_further_off_than_it_says(
 ) -> None:
     """Posts below, and places along the rung's edges, by the file's own triangles."""
     mosaic, path = opened(GROUNDS[ground])
-    cell, leaves = family(mosaic, 1)
-    truths = [truth_of(mosaic, leaf, SIDE) for leaf in leaves]
-    children = [
-        (one.cell, fitted(one.cell, places_of(one), 5.0, [one], leaf=True)[0])
-        for one in truths
-    ]
-    bound_m = inner_bound_m(cell)
-    places = joined(cell, children, bound_m)
+    cell, places, bound_m, truths = inner_of(mosaic)
     whole, error_m, rungs = laddered_inner(cell, places, bound_m, truths)
     assert error_m <= bound_m
     (rung,) = rungs
