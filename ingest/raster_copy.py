@@ -19,6 +19,7 @@ from rasterio.windows import Window
 from ingest.geoid import ZeroSurface
 from ingest.journal import Journal
 from ingest.picture_copy import halve_colours, read_colours
+from ingest.progress import Progress
 from tiles.codec import zstd
 from tiles.frames import Floats
 from tiles.kernels import kernel
@@ -36,7 +37,6 @@ REASONS = (
     "not an elevation",
     "beyond the datum's grid",
 )
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True)

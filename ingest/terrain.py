@@ -15,7 +15,8 @@ from ingest.dem import bounded, open_raster, unreadable
 from ingest.journal import Journal, digest
 from ingest.mosaic import Mosaic
 from ingest.names import replaced
-from ingest.raster_copy import REASONS, Progress, copy_in
+from ingest.progress import Progress, silent
+from ingest.raster_copy import REASONS, copy_in
 from ingest.raster_plan import RasterOptions, Source, check_kinds, plan, plan_all, said_of
 from ingest.terrain_build import Recipe, rebuild
 from tiles.errors import InputError
@@ -29,10 +30,6 @@ __all__ = [
     "plan",
     "remove_raster",
 ]
-
-
-def silent(done: int, total: int, what: str) -> None:
-    """Report no progress."""
 
 
 def ingest_rasters(

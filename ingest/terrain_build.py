@@ -22,7 +22,7 @@ from ingest.clock import Clock
 from ingest.journal import Journal, digest, made_by
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic, Rim
-from ingest.raster_copy import Progress
+from ingest.progress import Progress
 from ingest.raster_plan import Source
 from ingest.terrain_plan import Plan
 from ingest.terrain_pyramid import Made, Part, ZoneBuilder

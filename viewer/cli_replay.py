@@ -179,7 +179,8 @@ def table(rows: list[Row]) -> list[str]:
     for row in rows:
         line = row["throttle"]
         shown = {**row, **row["prediction"], "megabytes": row["bytes_carried"] / 1e6}
-        shown["mib_per_s"] = line[0] if line else float("inf")
+        if line:
+            shown["mib_per_s"] = line[0]
         lines.append(
             [form.format(shown[key]) if key in shown else "-" for _, key, form in COLUMNS]
         )

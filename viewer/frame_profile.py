@@ -14,6 +14,7 @@ import numpy as np
 
 from geopage.settings import PagerSettings
 from geopage.view import ViewState
+from tiles.errors import InputError
 from viewer import gil
 from viewer.camera_path import read_path
 from viewer.flight import UPLOAD_BYTES, UPLOAD_S, quiet_collector
@@ -28,9 +29,20 @@ FRAMES = 200
 def profile_frame(
     store: Path, settings: PagerSettings, picture: Picture, path: Path, t_s: float
 ) -> Json:
-    """Settle the view at a time of a path, draw it `FRAMES` times each way."""
+    """Settle the view at a time of a path, draw it `FRAMES` times each way.
+
+    Raises
+    ------
+    InputError
+        When the path is not flown then.
+    """
+    flown = read_path(path)
+    if not 0 <= t_s <= flown.duration_s:
+        raise InputError(
+            path.name, f"lasts {flown.duration_s:g} s", f"take a time within, not {t_s:g} s"
+        )
     with Session(store, settings, picture) as session:
-        view = Flight(read_path(path), session.surface, picture.size_px).view(t_s)
+        view = Flight(flown, session.surface, picture.size_px).view(t_s)
         session.settle(view)
         ways = {}
         with bar("drawing one view", 2 * FRAMES, "frames") as show:
