@@ -12,7 +12,8 @@ is seen now. Each picture ahead has goals: its terrain good by area, all its obj
 for pictures that can't be good in time the same at a few times the threshold. Goals that
 can be met are read in the order in which they are due; see `geopage.schedule`. Both lanes
 share one line and one rank. The rest of what the newest view misses comes after that, and
-what has been missed for longer than `AGE_S` comes forward, so that nothing starves.
+what has been missed for longer than `AGE_S` comes forward, so that nothing starves. A line
+with nothing else to do brings what the same place shows in all other directions.
 
 Least recently used goes first.
 """
@@ -33,6 +34,7 @@ from geopage.policies.protocol import (
     Plan,
     Requests,
     Situation,
+    everywhere,
 )
 from geopage.prediction import AHEAD, Motion, predict
 from geopage.schedule import (
@@ -76,6 +78,8 @@ AGED = 1e20
 FAST_BYTES_S, FAST_S = 8e6, 0.02
 """A line that brings so many bytes a second, and all that is missing in so short a time,
 keeps up."""
+AROUND = 8 * UNMET
+"""Rank of the first that only another direction shows"""
 SOON = 0.2
 """A view ahead that can be loaded in this share of the time until then is soon enough."""
 
@@ -95,7 +99,10 @@ class Benefit(LeastRecentlyUsed):
         fast = seen.bytes_per_s >= FAST_BYTES_S and loading_s(seen, seen.chosen) <= FAST_S
         planned = None if fast else self._plan_line(seen)
         plan = planned or self._plan_spare(seen)
-        return self._with_destination(seen, plan) if seen.destination else plan
+        if seen.destination:
+            plan = _with(plan, seen.look(seen.lens(seen.destination)), 4 * UNMET)
+        # A slow line that has nothing to do brings what a turn of the head will show.
+        return plan if fast else _with(plan, seen.look(everywhere(seen, seen.view)), AROUND)
 
     def ahead(self, seen: Situation) -> Ahead:
         """Return the views of the next seconds."""
@@ -209,18 +216,16 @@ class Benefit(LeastRecentlyUsed):
                 return count
         return len(AHEAD)
 
-    @staticmethod
-    def _with_destination(seen: Situation, plan: Plan) -> Plan:
-        """Add what the destination misses, after everything else."""
-        assert seen.destination is not None
-        there = seen.look(seen.lens(seen.destination))
-        requests: Requests = {}
-        for lane, asked in plan.requests.items():
-            wants = there.wants[lane]
-            last = 4 * UNMET + LATER + ranks(wants)
-            more = merged([(asked.rows, asked.ranks), (wants.rows, last)])
-            requests[lane] = PageRequests(more.rows, more.ranks, asked.now)
-        return Plan(requests, [*plan.keep, there.keep])
+
+def _with(plan: Plan, there: Selection, first: float) -> Plan:
+    """Add what another view misses and will surely draw, after everything else."""
+    requests: Requests = {}
+    for lane, asked in plan.requests.items():
+        wants = there.wants[lane]
+        last = first + LATER + ranks(wants)
+        more = merged([(asked.rows, asked.ranks), (wants.rows, last)])
+        requests[lane] = PageRequests(more.rows, more.ranks, asked.now)
+    return Plan(requests, [*plan.keep, there.keep])
 
 
 def sure_wants(one: Selection, lane: Lane) -> Wants:

@@ -13,7 +13,13 @@ from geopage.policies.berkeley import READ_BYTES, Berkeley
 from geopage.policies.coarser import next_down, on_the_way
 from geopage.policies.demand import Demand
 from geopage.policies.mmr import CELLS_AHEAD, Mmr
-from geopage.policies.protocol import PageRequests, Policy, Situation, in_order
+from geopage.policies.protocol import (
+    PageRequests,
+    Policy,
+    Situation,
+    everywhere,
+    in_order,
+)
 from geopage.policies.registry import REGISTRY
 from geopage.policies.review import Review, frustum_cell
 from geopage.policies.vgis import Vgis, levels_skipped
@@ -191,6 +197,20 @@ def test_a_destination_comes_after_all_that_is_missed(trees: Trees) -> None:
     more = set(wanted.rows.tolist()) - set(before.rows.tolist())
     assert set(asked.rows[len(before.rows) :].tolist()) == more
     assert more
+
+
+def test_a_slow_line_brings_what_other_directions_show_after_everything_else(
+    trees: Trees,
+) -> None:
+    plain = seen(trees, view_at(1e4))
+    before = Benefit().plan(plain).requests[Lane.TERRAIN]
+    slow = Benefit().plan(replace(plain, bytes_per_s=1e5)).requests[Lane.TERRAIN]
+    around = plain.look(everywhere(plain, plain.view)).wants[Lane.TERRAIN]
+    more = set(slow.rows.tolist()) - set(before.rows.tolist())
+    assert more == set(around.rows.tolist()) - set(before.rows.tolist())
+    assert more
+    assert set(slow.rows[-len(more) :].tolist()) == more
+    assert slow.now <= len(before.rows)
 
 
 def test_demand_puts_the_largest_error_first_and_asks_for_nothing_early(
