@@ -1,52 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open a raster, and refuse in one line what can't be placed on the earth."""
+"""Where a raster lies on the earth; what can't be placed is refused in one line."""
 
-import re
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyproj
 import rasterio
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
 from tiles.geodesy import to_ecef
 from tiles.placement import is_lon_lat
-
-CACHE_MIB = 128
-"""What GDAL may keep of a file's own blocks: 256 whole rows of 130,000 posts"""
-LARGEST_BLOCK_BYTES = 256 << 20
-"""A file's own block is unpacked whole, however little of it is needed."""
-MOST_POSTS, MOST_POSTS_A_BYTE = 1 << 30, 2000
-"""A larger raster must have more bytes than that: else it is all but empty."""
-DRIVERS = {
-    ".hgt": "SRTMHGT",
-    ".zip": "SRTMHGT",
-    ".nc": "netCDF",
-    ".img": "HFA",
-    ".asc": "AAIGrid",
-    ".png": "PNG",
-    ".jpg": "JPEG",
-    ".jpeg": "JPEG",
-    ".vrt": "VRT",
-}
-"""The driver of each ending, GTiff of all others: a file can't choose its own reader, so a
-VRT disguised as a TIFF, which could name any other file, is refused."""
-
-REMOTE = re.compile(
-    rb"/vsi(curl|s3|gs|az|adls|oss|swift|hdfs|webhdfs)|>\s*(https?|ftp)://", re.IGNORECASE
-)
-"""In a VRT: what GDAL would open over a network"""
-ADVICES = {
-    ".hgt": "name it by its corner, like N43E007.hgt",
-    ".zip": "zip one tile as N43E007.hgt.zip, or unpack it",
-    ".gz": "unpack it first",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,95 +33,6 @@ class RasterInfo:
     """Distance of neighbouring posts at the middle of the raster"""
     wraps: bool
     """Its columns go round the whole globe"""
-
-
-@contextmanager
-def bounded() -> Iterator[None]:
-    """Read rasters with a small cache of GDAL's, and nothing over a network.
-
-    A VRT may name another that names what is far away.
-    """
-    with rasterio.Env(GDAL_CACHEMAX=CACHE_MIB, CPL_VSIL_CURL_ALLOWED_EXTENSIONS=".none"):
-        yield
-
-
-def open_raster(path: str | Path) -> rasterio.DatasetReader:
-    """Open a raster with an allow-listed driver; nothing of it is unpacked yet.
-
-    Raises
-    ------
-    InputError
-    """
-    path = Path(path)
-    if not path.exists():
-        raise InputError(path, "no such file", "check the path")
-    driver = DRIVERS.get(path.suffix.lower(), "GTiff")
-    if driver == "VRT" and REMOTE.search(path.read_bytes()):
-        raise InputError(path, "names a file on a network", "download that first")
-    dataset = quiet_open(path, driver)
-    try:
-        require_usable(path, dataset)
-    except BaseException:
-        dataset.close()
-        raise
-    return dataset
-
-
-def require_usable(path: Path, dataset: rasterio.DatasetReader) -> None:
-    """Refuse what holds no numbers, and what would unpack to gigabytes.
-
-    Raises
-    ------
-    InputError
-    """
-    if not dataset.count:
-        raise InputError(path, "holds several rasters", "extract one with gdal_translate")
-    if np.dtype(dataset.dtypes[0]).kind == "c":
-        raise InputError(path, "holds complex numbers", "give elevations in metres")
-    posts = dataset.width * dataset.height
-    held = path.stat().st_size
-    if posts > MOST_POSTS and posts > MOST_POSTS_A_BYTE * held and dataset.driver != "VRT":
-        size = f"{dataset.width} x {dataset.height} posts in {held} bytes"
-        advice = "cut out what it holds with gdal_translate -projwin"
-        raise InputError(path, f"all but empty ({size})", advice)
-    if dataset.driver != "VRT":
-        require_small_blocks(path, dataset)
-        return
-    for part in set(dataset.files) - {str(path)}:
-        if Path(part).suffix.lower() in {".tif", ".tiff"} and Path(part).exists():
-            with quiet_open(part, "GTiff") as inner:
-                require_small_blocks(path, inner)
-
-
-def require_small_blocks(path: Path, dataset: rasterio.DatasetReader) -> None:
-    """Refuse a file whose blocks don't fit the memory that an ingest may take."""
-    rows, cols = dataset.block_shapes[0]
-    together = dataset.count if dataset.profile.get("interleave") == "pixel" else 1
-    block_bytes = rows * cols * np.dtype(dataset.dtypes[0]).itemsize * together
-    if block_bytes > LARGEST_BLOCK_BYTES:
-        advice = "write it again with gdal_translate -co TILED=YES"
-        raise InputError(path, f"has blocks of {block_bytes >> 20} MiB", advice)
-
-
-def quiet_open(path: str | Path, driver: str) -> rasterio.DatasetReader:
-    """Open a raster, or say in one line why it can't be read."""
-    try:
-        with warnings.catch_warnings(), bounded():
-            # `describe` refuses it, in a line of its own.
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            return rasterio.open(path, driver=driver)
-    except (RasterioError, OSError) as error:
-        raise unreadable(path, error) from error
-
-
-def unreadable(path: str | Path, error: Exception) -> InputError:
-    """Say in one line why GDAL can't read a file."""
-    # rasterio's own message may only point to GDAL's, which says what is wrong.
-    found = error.__cause__ or error
-    reason = (str(found).splitlines() or [type(found).__name__])[0]
-    reason = reason.replace(f"'{path}'", "it is").replace(str(path), "it").rstrip(".")
-    advice = ADVICES.get(Path(path).suffix.lower(), "give a GeoTIFF, HGT or VRT file")
-    return InputError(path, f"can't be read as a raster ({reason})", advice)
 
 
 def describe(

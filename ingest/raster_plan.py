@@ -10,10 +10,11 @@ import numpy as np
 from rasterio import DatasetReader
 
 from ingest.datum import datum_of, unit_m
-from ingest.dem import describe, open_raster
+from ingest.dem import describe
 from ingest.geoid import ZeroSurface
 from ingest.journal import stamp
 from ingest.names import name_of
+from ingest.raster_open import open_raster
 from tiles.errors import InputError
 
 RGB = 3

@@ -11,12 +11,12 @@ from rasterio.errors import RasterioError
 
 from ingest.boxes import Box, grown, meet
 from ingest.clock import Clock
-from ingest.dem import bounded, open_raster, unreadable
 from ingest.journal import Journal, digest
 from ingest.mosaic import Mosaic
 from ingest.names import replaced
 from ingest.progress import Progress, silent
 from ingest.raster_copy import REASONS, copy_in
+from ingest.raster_open import bounded, open_raster, unreadable
 from ingest.raster_plan import RasterOptions, Source, check_kinds, plan, plan_all, said_of
 from ingest.terrain_build import Recipe, rebuild
 from tiles.errors import InputError

@@ -8,7 +8,7 @@ import pytest
 
 from geopage.benefit import merged_ranks
 from geopage.pager import Pager
-from geopage.policies.benefit import AGE_S, AHEAD_S, Benefit
+from geopage.policies.benefit import AGE_S, AHEAD_S, AROUND, Benefit
 from geopage.policies.berkeley import READ_BYTES, Berkeley
 from geopage.policies.coarser import next_down, on_the_way
 from geopage.policies.demand import Demand
@@ -202,15 +202,14 @@ def test_a_destination_comes_after_all_that_is_missed(trees: Trees) -> None:
 def test_a_slow_line_brings_what_other_directions_show_after_everything_else(
     trees: Trees,
 ) -> None:
-    plain = seen(trees, view_at(1e4))
-    before = Benefit().plan(plain).requests[Lane.TERRAIN]
-    slow = Benefit().plan(replace(plain, bytes_per_s=1e5)).requests[Lane.TERRAIN]
-    around = plain.look(everywhere(plain, plain.view)).wants[Lane.TERRAIN]
-    more = set(slow.rows.tolist()) - set(before.rows.tolist())
-    assert more == set(around.rows.tolist()) - set(before.rows.tolist())
-    assert more
-    assert set(slow.rows[-len(more) :].tolist()) == more
-    assert slow.now <= len(before.rows)
+    ahead = seen(trees, view_at(300.0, SPOT, -5.0))
+    fast = Benefit().plan(ahead).requests[Lane.TERRAIN]
+    slow = Benefit().plan(replace(ahead, bytes_per_s=1e5)).requests[Lane.TERRAIN]
+    around = ahead.look(everywhere(ahead, ahead.view)).wants[Lane.TERRAIN]
+    late = slow.rows[slow.ranks >= AROUND]
+    assert set(around.rows.tolist()) <= set(slow.rows.tolist())
+    assert set(late.tolist()) <= set(around.rows.tolist()) - set(fast.rows.tolist())
+    assert len(late)
 
 
 def test_demand_puts_the_largest_error_first_and_asks_for_nothing_early(

@@ -219,8 +219,32 @@ def sparse(path: Path, width: int, height: int, **more: Any) -> Path:
 
 
 def bomb_in_a_vrt(path: Path) -> Path:
-    inner = bomb(path.with_name("inner.tif"))
+    return made_of(bomb(path.with_name("inner.tif")), path.with_suffix(".vrt"))
+
+
+def bomb_by_another_name(path: Path) -> Path:
+    return made_of(bomb(path.with_name("inner.dat")), path.with_suffix(".vrt"))
+
+
+def bomb_deep_in_vrts(path: Path) -> Path:
+    return made_of(bomb_by_another_name(path), path.with_name("outer.vrt"))
+
+
+def vrt_of_itself(path: Path) -> Path:
     path = path.with_suffix(".vrt")
+    return made_of(path, path)
+
+
+def vrt_of_a_service(path: Path) -> Path:
+    service = path.with_name("service.xml")
+    service.write_text(
+        '<GDAL_WMS><Service name="TMS"><ServerUrl>http://127.0.0.1:9/${z}</ServerUrl>'
+        "</Service><DataWindow><SizeX>64</SizeX><SizeY>64</SizeY></DataWindow></GDAL_WMS>"
+    )
+    return made_of(service, path.with_suffix(".vrt"))
+
+
+def made_of(inner: Path, path: Path) -> Path:
     path.write_text(
         '<VRTDataset rasterXSize="20000" rasterYSize="20000"><SRS>EPSG:4326</SRS>'
         "<GeoTransform>1,0.001,0,50,0,-0.001</GeoTransform>"
@@ -245,6 +269,10 @@ def bomb_in_a_vrt(path: Path) -> Path:
         (bomb, "has blocks of 1525 MiB; .*TILED"),
         (all_but_empty, "all but empty .400000 x 200000 posts in .* bytes.; .*-projwin"),
         (bomb_in_a_vrt, "has blocks of 1525 MiB; .*TILED"),
+        (bomb_by_another_name, "has blocks of 1525 MiB; .*TILED"),
+        (bomb_deep_in_vrts, "has blocks of 1525 MiB; .*TILED"),
+        (vrt_of_itself, "a VRT of VRTs of VRTs; name the innermost"),
+        (vrt_of_a_service, "made of .*service.xml, which can't be read as a raster"),
     ],
 )
 def test_what_can_not_be_used_is_refused_before_it_is_read(

@@ -14,9 +14,9 @@ import rasterio
 from numpy.typing import NDArray
 
 from ingest import raster_copy
-from ingest.dem import open_raster
 from ingest.journal import Journal
 from ingest.raster_copy import Copied, chunks_of, copy_in
+from ingest.raster_open import open_raster
 from ingest.raster_plan import RasterOptions, plan
 from tests.ingest.rasters import geoid_m, hills, north_up, write
 from tiles.errors import InputError
@@ -208,7 +208,7 @@ def test_a_copy_goes_on_where_it_was(
 MEMORY = """
 import sys
 from pathlib import Path
-from ingest.dem import open_raster
+from ingest.raster_open import open_raster
 from ingest.raster_plan import RasterOptions
 from ingest.terrain import copy, plan
 from tiles.writer import Writer
