@@ -136,7 +136,7 @@ def discard(store: Path) -> None:
 def terrain(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:
     """Ingest elevation models, then ground the buildings again."""
     files = [
-        (path, RasterOptions("terrain", given.name, given.crs, given.datum))
+        (path, RasterOptions("terrain", given.name, given.crs, given.datum, given.units))
         for path in given.sources
     ]
     return rasters(given, files, bars)
@@ -228,6 +228,11 @@ def parser_of_ingest() -> argparse.ArgumentParser:
                 "--datum",
                 help="vertical datum: egm96, egm2008, ellipsoid or EPSG:n (default: the"
                 " file's)",
+            )
+            kind.add_argument(
+                "--units",
+                choices=("m", "ft", "us-ft"),
+                help="of the heights: metres, feet or US survey feet (default: the file's)",
             )
         if name in {"buildings", "synthetic"}:
             building_arguments(kind)

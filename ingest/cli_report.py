@@ -2,6 +2,7 @@
 """How `geopage ingest` prints its report."""
 
 import json
+import math
 import sys
 from typing import Any
 
@@ -36,10 +37,13 @@ def about(source: str | dict[str, Any]) -> str:
     if isinstance(source, str):
         return f"{source}: buildings"
     west, south, east, north = source["bounds_deg"]
-    where = f"{source['spacing_m']:.3g} m apart from {south:.4g},{west:.4g}"
+    # Enough digits to tell one side from the other.
+    digits = 2 - math.floor(math.log10(min(north - south, east - west)))
+    corners = [f"{one:.{max(digits, 0)}f}" for one in (south, west, north, east)]
+    where = "{},{} to {},{}".format(*corners)
+    place = f"{source['spacing_m']:.3g} m apart from {where}"
     skipped = [f"{count} posts skipped: {why}" for why, count in source["skipped"].items()]
-    place = f"{where} to {north:.4g},{east:.4g}"
-    parts = [source.get("datum_here", "no heights"), place, *skipped]
+    parts = [source.get("datum_here", "a picture"), place, *skipped]
     return f"{source['name']}: {'; '.join(parts)}"
 
 

@@ -20,6 +20,7 @@ GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
 """Grids that come with the package; others are PROJ's, where they are installed."""
 EPSG = {5773: "egm96", 5171: "egm96", 3855: "egm2008", 4979: "ellipsoid"}
 CODES = {"egm2008": 3855}
+_NAMES = {"egm96", "egm2008", "ellipsoid"}
 UNITS_M = {
     "ft": 0.3048,
     "foot": 0.3048,
@@ -30,7 +31,7 @@ UNITS_M = {
 }
 UNITS_M |= {"cm": 0.01, "centimetre": 0.01, "dm": 0.1, "mm": 0.001, "km": 1000.0}
 UNITS_M |= dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0)
-"""Units that a band may state; metres where it states none."""
+"""Units that a band may state; metres where nothing states any."""
 ADVICE = "state one with --datum egm96, ellipsoid or EPSG:n"
 
 
@@ -61,7 +62,7 @@ def _stated(text: str) -> str | None:
     name = text.lower()
     if name.startswith("epsg:") and name[5:].isdigit():
         return _of_epsg(int(name[5:])) or name
-    return name if name in {"egm96", "egm2008", "ellipsoid"} else None
+    return name if name in _NAMES else None
 
 
 def _of_epsg(code: int) -> str | None:
@@ -85,27 +86,43 @@ def _of_crs(wkt: str | None) -> str | None:
 
 
 def unit_m(
-    path: str | Path, stated: str | None, crs: str | None, band: str | None
+    path: str | Path,
+    stated: str | None,
+    crs: str | None,
+    band: str | None,
+    units: str | None = None,
 ) -> float:
     """Return the metres of a source's unit of height.
 
-    The band's own unit counts first, then that of the vertical system: the stated one,
-    else the file's; then metres.
+    What the user says counts first, then the band's own unit, then that of the vertical
+    system: the stated one, else the file's; then metres.
+
+    Parameters
+    ----------
+    stated : the datum, if the user names one
+    units : what the user says
 
     Raises
     ------
     InputError
-        When the band states a unit that is no length.
+        When the band states a unit that is no length, or the map is in feet and nothing
+        says what heights are in.
     """
+    if units:
+        return UNITS_M[units]
     if band:
         if band.lower() not in UNITS_M:
             advice = "state it with gdal_edit.py -units m"
             raise InputError(path, f"heights in an unknown unit {band[:40]!r}", advice)
         return UNITS_M[band.lower()]
-    code = CODES.get(stated.lower(), stated) if stated else None
-    of = crs if stated is None else str(code) if str(code)[:5].lower() == "epsg:" else None
-    vertical = _vertical(of) if of else None
-    return float(vertical.axis_info[0].unit_conversion_factor) if vertical else 1.0
+    systems = [name for name in (stated, crs) if name and name.lower() not in _NAMES]
+    for system in map(_vertical, systems):
+        if system:
+            return float(system.axis_info[0].unit_conversion_factor)
+    if crs and "foot" in pyproj.CRS.from_user_input(crs).axis_info[0].unit_name:
+        reason = "its map is in feet, and nothing says what its heights are in"
+        raise InputError(path, reason, "add --units ft, us-ft or m")
+    return 1.0
 
 
 def _vertical(text: str) -> pyproj.CRS | None:
@@ -213,11 +230,13 @@ def _bilinear(grid: Floats, lon_rad: Floats, lat_rad: Floats) -> Floats:
     height, width = grid.shape
     out = np.empty(len(lon_rad))
     for i in range(len(lon_rad)):
-        x = (lon_rad[i] / (2.0 * np.pi) + 0.5) % 1.0 * width
+        turns = lon_rad[i] / (2.0 * np.pi) + 0.5
+        x = (turns - np.floor(turns)) * width
         y = min(max(0.5 - lat_rad[i] / np.pi, 0.0), 1.0) * (height - 1)
         c, r = int(x), min(int(y), height - 2)
         fx, fy = x - c, y - r
-        c, east = c % width, (c + 1) % width
+        c = c if c < width else 0
+        east = c + 1 if c + 1 < width else 0
         north = grid[r, c] * (1.0 - fx) + grid[r, east] * fx
         south = grid[r + 1, c] * (1.0 - fx) + grid[r + 1, east] * fx
         out[i] = north * (1.0 - fy) + south * fy

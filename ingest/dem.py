@@ -13,6 +13,8 @@ from tiles.frames import WGS84_A_M
 from tiles.geodesy import to_ecef
 from tiles.placement import is_lon_lat
 
+PLACED = "write one with gdal_translate -a_ullr, or a world file beside it"
+
 
 @dataclass(frozen=True, slots=True)
 class RasterInfo:
@@ -92,14 +94,14 @@ def require_placed(
     """
     a, b, _, d, e, _ = transform = tuple(dataset.transform)[:6]
     if dataset.transform.is_identity:
-        reason = "has no georeference"
+        reason, advice = "has no georeference", PLACED
         if dataset.gcps[0] or dataset.rpcs:
             advice = "warp it to its control points with gdalwarp"
             raise InputError(path, reason, advice)
-        raise InputError(path, reason, "write one with gdal_translate -a_ullr")
+        raise InputError(path, reason, advice)
     if not np.isfinite(transform).all() or abs(a * e - b * d) < 1e-30:
         reason = "has a georeference that spans no area"
-        raise InputError(path, reason, "write one with gdal_translate -a_ullr")
+        raise InputError(path, reason, PLACED)
     if min(dataset.width, dataset.height) < 2:
         size = f"{dataset.width} x {dataset.height} posts"
         raise InputError(path, f"holds {size}, no surface", "give at least 2 x 2 posts")

@@ -30,6 +30,8 @@ class RasterOptions:
     name: str | None = None
     crs: str | None = None
     datum: str | None = None
+    units: str | None = None
+    """of heights: a key of `datum.UNITS_M`"""
     is_sample: bool = False
     """what a new store starts from: the report is about the others"""
 
@@ -64,9 +66,7 @@ def plan(path: Path, options: RasterOptions) -> Source:
     with open_raster(path) as dataset:
         picture = is_picture(path, dataset)
         if picture != (options.kind == "imagery"):
-            reason = "is a picture" if picture else "is not an RGB picture"
-            other = "imagery" if picture else "terrain"
-            raise InputError(path, reason, f"use `geopage ingest {other}`")
+            raise wrong_kind(path, dataset, is_colour=picture)
         source: Source = asdict(describe(path, dataset, options.crs))
         if not picture:
             source |= meaning(path, dataset, options)
@@ -75,11 +75,23 @@ def plan(path: Path, options: RasterOptions) -> Source:
     return {**source, "name": name, "kind": options.kind}
 
 
+def wrong_kind(path: Path, dataset: DatasetReader, *, is_colour: bool) -> InputError:
+    """Refuse a picture among elevations, or what is no picture among pictures."""
+    if is_colour:
+        return InputError(path, "is a picture", "use `geopage ingest imagery`")
+    if dataset.driver == "JPEG" or dataset.dtypes[0] == "uint8":
+        advice = "make three bands with gdal_translate -b 1 -b 1 -b 1"
+        return InputError(path, "is a grey picture, not an RGB one", advice)
+    return InputError(path, "is not an RGB picture", "use `geopage ingest terrain`")
+
+
 def meaning(path: Path, dataset: DatasetReader, options: RasterOptions) -> Source:
     """Say what a file's numbers are: datum, unit_m, vertical_step_m."""
+    if dataset.driver == "JPEG":
+        raise InputError(path, "is a photograph (JPEG)", "give elevations as a GeoTIFF")
     wkt = options.crs or (dataset.crs.to_wkt() if dataset.crs else None)
     datum = datum_of(path, options.datum, wkt)
-    metres = unit_m(path, options.datum, wkt, dataset.units[0])
+    metres = unit_m(path, options.datum, wkt, dataset.units[0], options.units)
     whole = np.issubdtype(np.dtype(dataset.dtypes[0]), np.integer)
     return {
         "datum": datum,
@@ -115,4 +127,9 @@ def said_of(source: Source) -> Source:
         text = f"ellipsoid: with {other} heights would be {low_m} to {high_m} m larger"
     else:
         text = f"{datum}: heights are {low_m} to {high_m} m above what the ellipsoid gives"
+    text += ", as stated" if source["datum_from"] == "stated" else ", as the file says"
+    if source["unit_m"] != 1.0:
+        text += f"; its unit is {source['unit_m']:.6g} m"
+    if source["bands"] > 1:
+        text += f"; the first of its {source['bands']} bands"
     return {**about, "geoid_m": [low_m, high_m], "datum_here": text}

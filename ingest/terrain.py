@@ -22,6 +22,10 @@ from ingest.terrain_build import Recipe, rebuild
 from tiles.errors import InputError
 from tiles.writer import Writer
 
+ADVICES = {
+    "not an elevation": "check its unit: heights are from -12,000 to 9,500 m",
+    "beyond the datum's grid": "state another with --datum",
+}
 __all__ = [
     "RasterOptions",
     "copy",
@@ -137,10 +141,13 @@ def copy(
             copied = copy_in(journal, digest(source), dataset, source, progress)
         except RasterioError as error:
             raise unreadable(source["path"], error) from error
-    if not copied.stored:
-        raise InputError(source["path"], "holds no data", "check its nodata value")
     counts = zip(REASONS, copied.skipped, strict=True)
     skipped = {why: count for why, count in counts if count}
+    if not copied.stored:
+        why = max(skipped, key=skipped.__getitem__, default=REASONS[0])
+        advice = ADVICES.get(why, "check its nodata value")
+        reason = "holds no data" if why not in ADVICES else f"holds no height: {why}"
+        raise InputError(source["path"], reason, advice)
     posts = {"stored": copied.stored, "skipped": skipped}
     return {**source, "blocks": copied.blocks, "posts": posts}
 

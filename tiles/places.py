@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tiles import cells
+from tiles.errors import InputError
 from tiles.frames import Floats, Ints
 from tiles.query import Standing
 from tiles.store import Store
@@ -33,7 +34,11 @@ class Places:
         Raises
         ------
         TileFault
+        InputError
+            When a place is no finite number.
         """
+        if not (np.isfinite(lon_deg).all() and np.isfinite(lat_deg).all()):
+            raise InputError("place", "not a finite number", "check the places")
         lon_rad, lat_rad = np.radians(lon_deg), np.radians(lat_deg)
         height, error = self._surface.heights(lon_rad, lat_rad)
         linked, objects = self._linked(lon_rad, lat_rad), self.objects_at(lon_deg, lat_deg)

@@ -95,9 +95,20 @@ def test_units_come_from_the_band_or_the_vertical_system() -> None:
     assert unit_m("a.tif", "EPSG:6360", None, None) == pytest.approx(1200 / 3937)
     assert unit_m("a.tif", None, "EPSG:4326+5773", None) == 1.0
     assert unit_m("a.tif", "egm96", None, None) == 1.0
-    assert unit_m("a.tif", "egm96", feet, None) == 1.0
+    assert unit_m("a.tif", "egm96", feet, None) == pytest.approx(1200 / 3937)
     assert unit_m("a.tif", "egm96", None, "ft") == 0.3048
-    assert unit_m("a.tif", "egm96", None, "m") == 1.0
+    assert unit_m("a.tif", "egm96", feet, "m") == 1.0
+    assert unit_m("a.tif", "egm96", feet, "m", "ft") == 0.3048
+
+
+@pytest.mark.parametrize("crs", ["EPSG:2227", "EPSG:2992"])  # US survey, international
+def test_a_map_in_feet_says_nothing_of_its_heights(crs: str) -> None:
+    with pytest.raises(InputError, match=r"its map is in feet.*; add --units ft, us-ft"):
+        unit_m("a.tif", "egm96", crs, None)
+    assert unit_m("a.tif", "egm96", crs, None, "us-ft") == pytest.approx(1200 / 3937)
+    assert unit_m("a.tif", "egm96", crs, None, "m") == 1.0
+    assert unit_m("a.tif", "egm96", crs, "ft") == 0.3048
+    assert unit_m("a.tif", "EPSG:6360", crs, None) == pytest.approx(1200 / 3937)
 
 
 def test_a_unit_that_is_no_length_is_refused() -> None:
