@@ -13,6 +13,7 @@ import numpy as np
 from geopage.arguments import LAT_LON, Parser, print_json, whole
 from geopage.find import find_ids, view_of
 from geopage.overview import overview, overview_lines
+from geopage.progress import bar
 from tiles.check import faults_of
 from tiles.errors import InputError
 from tiles.lanes import Lane
@@ -54,15 +55,13 @@ def check(words: list[str]) -> int:
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     given = parser.read(words)
     with Store(given.store) as store:
-        faults = list(faults_of(store))
+        with bar("checking", 100, "%") as show:
+            faults = list(faults_of(store, lambda done, total: show(100 * done / total)))
+        count = 0
         if not faults:
             lost = unreachable(store)
             faults = [f"object {one} is not found where it stands" for one in lost]
-        count = (
-            sum(int((store.index(lane)["row"] > 0).sum()) for lane in Lane)
-            if not faults
-            else 0
-        )
+            count = sum(int((store.index(lane)["row"] > 0).sum()) for lane in Lane)
     if given.json:
         print_json({"ok": not faults, "tiles": count, "faults": faults})
     else:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a store holds, for people and as JSON."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ from tiles.terrain import TEXTURE_SIDE
 SHOWN = ("path", "datum", "spacing_m", "width", "height", "crs_name", "stored")
 SAMPLE = 256
 """Of a level with more tiles, so many are read for their triangles, spread evenly."""
-WIDTHS = (14, 7, 7, 10, 8, 8, 10, 8)
+WIDTHS = (14, 7, 7, 10, 8, 8, 10, 9)
+FREE = "freelist_count", "page_size"
 TITLES = ("cells", "tiles", "triangles", "MB", "bound m", "error p50", "max")
 
 
@@ -32,11 +34,18 @@ def overview(store: Store) -> dict[str, Any]:
     return {
         "path": str(store.path),
         "bytes": store.path.stat().st_size,
+        "free_bytes": _free_bytes(store),
         "objects": store.object_count(),
         "objects_per_cell": _objects_per_cell(store),
         "sources": sources,
         "lanes": lanes,
     }
+
+
+def _free_bytes(store: Store) -> int:
+    """Return how much of the file the next ingest will use again."""
+    counts = (store.connection.execute(f"PRAGMA {name}").fetchone()[0] for name in FREE)
+    return math.prod(int(count) for count in counts)
 
 
 def _objects_per_cell(store: Store) -> dict[str, float]:
@@ -100,6 +109,8 @@ def _triangles(store: Store, lane: Lane, rows: NDArray[np.int32]) -> dict[str, i
 def overview_lines(found: dict[str, Any]) -> list[str]:
     """Return the overview as text."""
     lines = [f"{found['path']}: {found['bytes'] / 1e6:.1f} MB, {found['objects']} objects"]
+    if found["free_bytes"] > found["bytes"] / 10:
+        lines[0] += f", {found['free_bytes'] / 1e6:.1f} MB of it free for the next ingest"
     if spread := found["objects_per_cell"]:
         lines[0] += " ({median} a cell, median; at most {max})".format(**spread)
     for source in found["sources"]:
@@ -111,6 +122,8 @@ def overview_lines(found: dict[str, Any]) -> list[str]:
         if levels:
             lines.append(_columns(f"{lane}: level", *TITLES))
         lines += [_line(row) for row in levels]
+        if over := sum(row.get("over_bound", 0) for row in levels):
+            lines.append(f"!: {over} cells state a larger error than their bound")
     return lines
 
 
@@ -128,7 +141,7 @@ def _line(row: dict[str, Any]) -> str:
         f"{row['bytes'] / 1e6:.2f}",
         f"{row['bound_m']:.2f}" if "bound_m" in row else "",
         f"{row['error_median_m']:.2f}",
-        f"{row['error_max_m']:.2f}",
+        f"{row['error_max_m']:.2f}" + "!" * (row.get("over_bound", 0) > 0),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from geopage.draw_list import DrawList
+from geopage.progress import bar
 from geopage.settings import MIB, PagerSettings
 from geopage.view import ViewState
 from tiles.frames import Ecef, Floats
@@ -22,7 +23,6 @@ from viewer.drawn_surface import DrawnTiles
 from viewer.geometric_error import FrameError, Hits, Seen, geometric_error, reference
 from viewer.globe_flights import globe_flights
 from viewer.machine import machine
-from viewer.progress import bar
 from viewer.random_heights import random_heights
 from viewer.random_views import boxes_of, random_poses
 from viewer.renderer import Renderer

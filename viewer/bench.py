@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from geopage.progress import bar
 from geopage.settings import MIB, PagerSettings
 from geopage.view import ViewState
 from tiles.errors import InputError
@@ -30,7 +31,6 @@ from viewer.charts import pyplot
 from viewer.key_frames import WIDTH_PX
 from viewer.machine import machine
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.run import Run, make_folders
 from viewer.session import Picture, Session
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from geopage.arguments import Parser, numbers, positive, print_json, size
 from geopage.policies.described import described
+from geopage.progress import bar
 from geopage.settings import MIB, REPLAYED, PagerSettings, Throttle
 from tiles.errors import InputError
 from tiles.store import Store
@@ -15,7 +16,6 @@ from tiles.surface import Surface
 from viewer.paging import ideal_bytes, needed_mib_per_s, page_flight
 from viewer.paging_chart import OURS, paging_chart
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.recorded import read_flight
 
 THROTTLE = numbers(2, "MIB_PER_S,LATENCY_MS", ((1e-6, 1e6), (0, 1e6)))

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from geopage.progress import bar
 from geopage.settings import PagerSettings
 from tiles.errors import InputError
 from tiles.samples import PATHS, SAMPLES
@@ -16,7 +17,6 @@ from viewer.charts import read_report, speed_against_accuracy
 from viewer.page import Page, write_page
 from viewer.picture import write_png
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.run import Run, fly
 from viewer.session import Picture, Session
 

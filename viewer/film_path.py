@@ -10,6 +10,7 @@ from typing import Any
 
 from geopage import __version__
 from geopage.draw_list import DrawList
+from geopage.progress import bar
 from geopage.selection import Thresholds
 from geopage.settings import PagerSettings
 from geopage.style import Style
@@ -18,7 +19,6 @@ from viewer.camera_path import read_path
 from viewer.complete import CompleteFrames
 from viewer.film_parts import PART_S, Parts
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.session import Picture, Session
 
 Json = dict[str, Any]

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from geopage.progress import bar
 from geopage.settings import PagerSettings
 from geopage.view import ViewState
 from tiles.errors import InputError
@@ -19,7 +20,6 @@ from viewer import gil
 from viewer.camera_path import read_path
 from viewer.flight import UPLOAD_BYTES, UPLOAD_S, quiet_collector
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.session import Picture, Session
 
 Json = dict[str, Any]

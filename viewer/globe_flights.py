@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geopage.progress import bar
 from tiles.lanes import Lane
 from tiles.samples import SAMPLES
 from viewer.camera_path import read_path
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.session import Session
 from viewer.tally import Json
 

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.progress import bar
 from geopage.settings import MIB, PagerSettings
 from viewer.camera_path import read_path
 from viewer.flight import FRAME_S, Recording, fly_paced
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.replay import time_again
 from viewer.server_load import ServerLoad
 from viewer.session import Picture, Session

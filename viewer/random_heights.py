@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from geopage.progress import bar
 from tiles.frames import Floats, Ints
 from tiles.geodesy import to_ecef
 from tiles.post_search import owners
@@ -10,7 +11,6 @@ from tiles.post_tree import PostTree
 from tiles.source_posts import Source, terrain_sources
 from tiles.store import Store
 from tiles.surface import Surface
-from viewer.progress import bar
 from viewer.tally import Json
 
 PLACES, MOST_ROUNDS = 10_000, 20

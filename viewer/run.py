@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from geopage.progress import bar
 from geopage.selection import Thresholds, trees_of
 from geopage.settings import MIB, PagerSettings
 from geopage.style import Style
@@ -19,7 +20,6 @@ from viewer.key_frames import FRAMES, key_frames_error
 from viewer.page import Page, write_page
 from viewer.paging_trace import TRACE_TEXT, draw_trace, write_trace
 from viewer.poses import Flight
-from viewer.progress import bar
 from viewer.recorded import read_flight
 from viewer.replay import Replay, Rgb, look_again, time_again
 from viewer.report import flight_report, write_report

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from geopage.progress import bar
 from tiles.errors import InputError
 from viewer.charts import pyplot
 from viewer.experiments.chart import draw
@@ -15,7 +16,6 @@ from viewer.experiments.rows import Chart, Found, Progress
 from viewer.experiments.setting import Setting
 from viewer.gl import Gl, open_headless
 from viewer.machine import commit, host
-from viewer.progress import bar
 
 if TYPE_CHECKING:
     from pathlib import Path

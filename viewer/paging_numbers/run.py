@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from geopage.progress import bar
 from geopage.settings import MIB, REPLAYED, PagerSettings
 from tiles.errors import InputError
 from tiles.store import Store
@@ -17,7 +18,6 @@ from viewer.paging_numbers.jobs import Job, each, ideal_of, replay
 from viewer.paging_numbers.limits import Line, as_dict, replayed
 from viewer.paging_numbers.live import ELSEWHERE, PACED, at_rest, beside_floors, profile
 from viewer.paging_numbers.routes import RATE_HZ, SAMPLE, TIMES, Route
-from viewer.progress import bar
 from viewer.session import Picture
 
 Json = dict[str, Any]

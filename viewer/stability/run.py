@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from geopage.progress import bar
 from tiles.errors import InputError
 from viewer.machine import machine
 from viewer.page import write_document
-from viewer.progress import bar
 from viewer.stability import (
     depth,
     flicker,
