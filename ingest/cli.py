@@ -19,11 +19,13 @@ from ingest.cli_buildings import (
     synthetic_arguments,
 )
 from ingest.cli_report import show
+from ingest.closing import close
 from ingest.opening import opened
 from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
 from tiles.errors import InputError, is_interrupt
+from tiles.kernels import is_compiled
 from tiles.lanes import Lane
 from tiles.store import Store
 
@@ -156,6 +158,8 @@ def rasters(
     """Ingest rasters and ground the buildings on the new terrain."""
     if given.name and len(files) > 1:
         raise InputError(given.name, "one name for several files", "ingest them one by one")
+    if not is_compiled(close):
+        print("geopage: compiling, once after installing: up to a minute", file=sys.stderr)
     # All in one go: whatever is refused is refused before the earth is meshed.
     ground = earth_files() if given.earth else []
     try:

@@ -2,7 +2,8 @@
 """One way to compile a hot loop: machine code, cached on disk, without the GIL."""
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -12,6 +13,13 @@ F = TypeVar("F", bound=Callable[..., object])
 def kernel(function: F) -> F:
     """Compile `function` with numba: nopython, `nogil`, cached between runs."""
     return cast("F", numba.njit(nogil=True, cache=True)(function))
+
+
+def is_compiled(function: Callable[..., object]) -> bool:
+    """Say whether a kernel's machine code is on disk, of this version or an older one."""
+    found = cast("Any", function)
+    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-*.nbi"
+    return any(Path(found.stats.cache_path).glob(name))
 
 
 def brief(function: F) -> F:
