@@ -102,7 +102,7 @@ class World(Closing):
         ----------
         lon_deg, lat_deg, height_m : of the eye, above the ground
         heading_deg, pitch_deg : clockwise from north; 0 level, -90 straight down
-        options : size_px=(1280, 720), threshold_px=1.0, fov_deg=60.0, style=None, and
+        options : size_px=(1280, 720), threshold_px=2.0, fov_deg=60.0, style=None, and
             above_ground=True (False: the height is above the ellipsoid)
 
         Returns

@@ -36,7 +36,7 @@ class Studio:
         at: tuple[float, float, float, float, float],
         *,
         size_px: tuple[int, int] = HD,
-        threshold_px: float = 1.0,
+        threshold_px: float = 2.0,
         fov_deg: float = 60.0,
         above_ground: bool = True,
         style: str | Style | None = None,
