@@ -50,7 +50,11 @@ def as_markdown(report: Json, drawn: bool) -> str:  # noqa: FBT001
     """
     where = report["machine"]
     size = "x".join(map(str, report["size_px"]))
+    sharp = ",".join(f"{found['threshold_px']:g}" for found in parts_of(report))
+    command = f"geopage accuracy {report['store']} --threshold {sharp}"
+    command += f" --views {report['views']} --seed {report['seed']} --size {size}"
     about = {
+        "command": command + " --all" * ("flights" in report) + " --out DIR",
         "machine": f"{where['cpu']}, {where['cores']} cores",
         "gl renderer": where["gl_renderer"],
         "python": where["python"],
@@ -61,7 +65,7 @@ def as_markdown(report: Json, drawn: bool) -> str:  # noqa: FBT001
     judged = [found for found in parts_of(report) if found["pixels_judged"]]
     parts = [
         "# How far pictures are from their sources",
-        "`geopage accuracy --out DIR` wrote this file: don't edit it.",
+        "A command wrote this file: don't edit it.",
         LEAD,
         "\n".join(f"- {key}: {value}" for key, value in about.items()),
         "## Settled views",

@@ -158,7 +158,8 @@ def cull_terrain(
     Parameters
     ----------
     rung : (n,) which mesh of each tile is drawn
-    detail_m : (rows of the forest,) size of what a tile's data show; smaller is a texel
+    detail_m : (rows of the forest,) size of what a tile's data show; smaller is a texel;
+        negative where nothing may be made up between them
 
     Returns
     -------
@@ -187,9 +188,10 @@ def cull_terrain(
         room.instances[n, 10] = slot["noise"][2]
         room.instances[n, 11] = slot["layer"]
         texel_m = slot["noise"][2] * PATCH_M / TEXTURE_SIDE
-        seen_m = max(texel_m, detail_m[row])
+        seen_m = max(texel_m, abs(detail_m[row]))
         room.instances[n, 15] = seen_m / max(texel_m, 1e-6)
-        kind = 3 - (2 if seen_m * scale > GRAIN_TEXEL_PX else 0) - slot["wet"]
+        grains = detail_m[row] >= 0 and seen_m * scale > GRAIN_TEXEL_PX
+        kind = 3 - (2 if grains else 0) - slot["wet"]
         room.keys[n] = kind + 0.5 / (1.0 + scale)
         n += 1
         area = min((2.0 * radius * scale) ** 2, picture_px)

@@ -11,6 +11,8 @@ from tiles import cells
 from tiles.forest import Forest
 
 SHOWN = "terrain", "imagery"
+AS_IT_IS_M = 1000.0
+"""A picture finer than this is shown as it is, however near: no grain is made up on it."""
 
 
 def detail_m(forest: Forest, sources: Sequence[dict[str, Any]]) -> NDArray[np.float32]:
@@ -26,15 +28,20 @@ def detail_m(forest: Forest, sources: Sequence[dict[str, Any]]) -> NDArray[np.fl
 
     Returns
     -------
-    spacing_m : (rows,) of posts or of a picture's pixels; 0 where no source is
+    spacing_m : (rows,) of posts or of a picture's pixels; 0 where no source is; negative
+        where a fine picture is in the cell
     """
     west, south, east, north = np.degrees(cells.bounds_rad(forest.records["cell"]))
-    finest = np.full(len(west), np.inf, np.float32)
+    finest, pictured = np.full(len(west), np.inf, np.float32), np.zeros(len(west), np.bool_)
     for source in sources:
         if source["kind"] in SHOWN:
             left, low, right, high = source["bounds_deg"]
-            beside = (west - left) % 360 + (east - west) <= right - left
+            away, wide = (west - left) % 360, east - west
+            beside = away + wide <= right - left
             inside = beside & (south >= low) & (north <= high)
             finest[inside] = np.minimum(finest[inside], source["spacing_m"])
+            if source["kind"] == "imagery" and source["spacing_m"] < AS_IT_IS_M:
+                meets = (away < right - left) | (away + wide > 360)
+                pictured |= meets & (south < high) & (north > low)
     finest[np.isinf(finest)] = 0.0
-    return finest
+    return np.where(pictured, -finest, finest)
