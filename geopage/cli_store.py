@@ -14,7 +14,7 @@ from geopage.arguments import LAT_LON, Parser, print_json, whole
 from geopage.find import find_ids, view_of
 from geopage.overview import overview, overview_lines
 from geopage.progress import bar
-from tiles.check import faults_of
+from tiles.check import faults_of, warnings_of
 from tiles.errors import InputError
 from tiles.lanes import Lane
 from tiles.places import Places
@@ -62,11 +62,13 @@ def check(words: list[str]) -> int:
             lost = unreachable(store)
             faults = [f"object {one} is not found where it stands" for one in lost]
             count = sum(int((store.index(lane)["row"] > 0).sum()) for lane in Lane)
+        warnings = [] if faults else list(warnings_of(store))
     if given.json:
-        print_json({"ok": not faults, "tiles": count, "faults": faults})
+        said = {"faults": faults, "warnings": warnings}
+        print_json({"ok": not faults, "tiles": count, **said})
     else:
-        for fault in faults:
-            print(fault)
+        for line in (*faults, *(f"warning: {one}" for one in warnings)):
+            print(line)
         print(
             f"{given.store}: {len(faults)} faults"
             if faults

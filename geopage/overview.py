@@ -14,7 +14,8 @@ from tiles.lanes import Lane
 from tiles.store import Store
 from tiles.terrain import TEXTURE_SIDE
 
-SHOWN = ("path", "datum", "spacing_m", "width", "height", "crs_name", "stored")
+RASTER = "path", "datum", "spacing_m", "reach_m", "meets", "width", "height", "crs_name"
+SHOWN = (*RASTER, "stored")
 SAMPLE = 256
 """Of a level with more tiles, so many are read for their triangles, spread evenly."""
 WIDTHS = (14, 7, 7, 10, 8, 8, 10, 9)
@@ -117,6 +118,9 @@ def overview_lines(found: dict[str, Any]) -> list[str]:
         shown = ("stored", "crs", "datum", "path", "files")
         details = ", ".join(f"{k} {_words(source[k])}" for k in shown if k in source)
         spacing = f"{source['spacing_m']:.1f} m, " if "spacing_m" in source else ""
+        if source.get("reach_m") and "meets" in source:
+            met = source["meets"] or "sea level"
+            spacing += f"meets {met} over {source['reach_m'] / 1000:.3g} km, "
         lines.append(f"  {source['kind']:<9} {source['name']}: {spacing}{details}")
     for lane, levels in found["lanes"].items():
         if levels:

@@ -20,11 +20,12 @@ from tiles.terrain import MIP_SIDES, TEXTURE_BYTES
 Picture = NDArray[np.float32]
 PLAIN = np.float32(2.0)
 """A block whose colours reach no further than this along their axis is of one colour."""
+NEARLY_PLAIN = np.float32(0.99 * PLAIN * PLAIN)
+"""Then its box's squared diagonal is shorter, and its axis need not be looked for."""
 ZERO, HALF, ONE, TWO, THREE = (np.float32(k) for k in (0.0, 0.5, 1.0, 2.0, 3.0))
 SIXTEENTH, QUARTER, TOP = np.float32(1 / 16), np.float32(0.25), np.float32(255)
 SPAN_5, SPAN_6 = np.float32(255 / 31), np.float32(255 / 63)
-CODES = np.array([1, 3, 2, 0])
-"""BC1's code of each third of the way from the second end point to the first."""
+EVEN = np.uint32(0x55555555)
 
 
 def _thirds(bits: int) -> NDArray[np.int64]:
@@ -58,50 +59,50 @@ def encode(picture: Picture) -> NDArray[np.uint8]:
     out = np.empty(TEXTURE_BYTES // 8, np.int64)
     start = 0
     for side in MIP_SIDES:
-        if side != picture.shape[0]:
-            picture = _halved(picture)
-        _blocks(picture, out[start:])
+        picture = _blocks(picture, out[start:])
         start += (side // 4) ** 2
     return out.view(np.uint8)
 
 
 @summing
-def _halved(picture: Picture) -> Picture:
-    """Average 2 x 2 texels."""
-    side = picture.shape[0] // 2
-    out = np.empty((side, side, 3), np.float32)
-    for r in range(side):
-        for c in range(side):
-            for k in range(3):
-                north = picture[2 * r, 2 * c, k] + picture[2 * r, 2 * c + 1, k]
-                south = picture[2 * r + 1, 2 * c, k] + picture[2 * r + 1, 2 * c + 1, k]
-                out[r, c, k] = (north + south) * QUARTER
-    return out
-
-
-@summing
-def _blocks(picture: Picture, out: NDArray[np.int64]) -> None:
-    """Compress one level, row by row of blocks."""
+def _blocks(picture: Picture, out: NDArray[np.int64]) -> Picture:
+    """Compress one level, row by row of blocks; return the mean of each 2 x 2 texels."""
     count = picture.shape[0] // 4
     texels = np.empty((3, 16), np.float32)
+    halved = np.empty((2 * count, 2 * count, 3), np.float32)
     for r in range(count):
         for c in range(count):
             for i in range(4):
                 for j in range(4):
                     for k in range(3):
                         texels[k, 4 * i + j] = picture[4 * r + i, 4 * c + j, k]
+            for k in range(3):
+                for i in range(2):
+                    for j in range(2):
+                        at = 8 * i + 2 * j
+                        north = texels[k, at] + texels[k, at + 1]
+                        south = texels[k, at + 4] + texels[k, at + 5]
+                        halved[2 * r + i, 2 * c + j, k] = (north + south) * QUARTER
             out[r * count + c] = _block(texels)
+    return halved
 
 
 @summing
 def _block(texels: Picture) -> int:
     """Compress 16 colours, (3, 16), to one 64-bit block."""
     m0 = m1 = m2 = ZERO
+    l0, l1, l2 = texels[0, 0], texels[1, 0], texels[2, 0]
+    h0, h1, h2 = l0, l1, l2
     for i in range(16):
         m0 += texels[0, i]
         m1 += texels[1, i]
         m2 += texels[2, i]
+        l0, l1, l2 = min(l0, texels[0, i]), min(l1, texels[1, i]), min(l2, texels[2, i])
+        h0, h1, h2 = max(h0, texels[0, i]), max(h1, texels[1, i]), max(h2, texels[2, i])
     m0, m1, m2 = m0 * SIXTEENTH, m1 * SIXTEENTH, m2 * SIXTEENTH
+    h0, h1, h2 = h0 - l0, h1 - l1, h2 - l2
+    if h0 * h0 + h1 * h1 + h2 * h2 < NEARLY_PLAIN:
+        return _plain(m0, m1, m2)
     a0, a1, a2 = _axis(texels, m0, m1, m2)
     low = high = ZERO
     for i in range(16):
@@ -125,7 +126,7 @@ def _block(texels: Picture) -> int:
 def _axis(
     texels: Picture, m0: np.float32, m1: np.float32, m2: np.float32
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Principal axis of 16 colours by four power iterations on their covariance."""
+    """Principal axis of 16 colours by two power iterations on their covariance."""
     rr = rg = rb = gg = gb = bb = ZERO
     for i in range(16):
         r, g, b = texels[0, i] - m0, texels[1, i] - m1, texels[2, i] - m2
@@ -138,7 +139,7 @@ def _axis(
         x, y, z = rg, gg, gb
     else:
         x, y, z = rb, gb, bb
-    for _ in range(4):
+    for _ in range(2):
         size = ONE / (abs(x) + abs(y) + abs(z) + np.float32(1e-20))
         x, y, z = x * size, y * size, z * size
         x, y, z = (
@@ -184,9 +185,13 @@ def _choices(texels: Picture, first: int, second: int) -> int:
     g0, g1 = g0 * SPAN_6, g1 * SPAN_6
     dr, dg, db = r1 - r0, g1 - g0, b1 - b0
     size = THREE / (dr * dr + dg * dg + db * db)
-    choices = 0
+    dr, dg, db = dr * size, dg * size, db * size
+    start = HALF - (r0 * dr + g0 * dg + b0 * db)
+    thirds = np.uint32(0)
     for i in range(16):
-        along = (texels[0, i] - r0) * dr + (texels[1, i] - g0) * dg
-        along = (along + (texels[2, i] - b0) * db) * size
-        choices |= CODES[int(min(max(along + HALF, ZERO), THREE))] << (2 * i)
-    return choices
+        along = start + texels[0, i] * dr + texels[1, i] * dg + texels[2, i] * db
+        third = np.uint32(np.int32(min(max(along, ZERO), THREE)))
+        thirds |= third << np.uint32(2 * i)
+    # BC1's codes of 0, 1, 2 and 3 thirds of the way to the first end are 1, 3, 2 and 0.
+    high = (thirds >> np.uint32(1)) & EVEN
+    return int(((thirds & EVEN) ^ high) << np.uint32(1) | (high ^ EVEN))

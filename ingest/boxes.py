@@ -64,9 +64,16 @@ def _common(one: tuple[float, ...], other: Box, turn: float) -> Box | None:
 @lru_cache(65536)
 def window_in(ancestor: int, cell: int) -> tuple[float, float, float]:
     """Return (u, v, size) of a cell in an ancestor, fractions, exact."""
-    depth = int(cells.level(cell)) - int(cells.level(ancestor))
-    row, col = cells.row_col(cell)
-    top_row, top_col = cells.row_col(ancestor)
+    below, top = _zeros(cell), _zeros(ancestor)
+    depth = (top - below) // 2
+    row = col = 0
+    for bit in range(depth):
+        child = cell >> below + 1 + 2 * bit
+        row, col = row | (child >> 1 & 1) << bit, col | (child & 1) << bit
     scale = 2.0**-depth
-    u = (int(col) - (int(top_col) << depth)) * scale
-    return u, (int(row) - (int(top_row) << depth)) * scale, scale
+    return col * scale, row * scale, scale
+
+
+def _zeros(cell: int) -> int:
+    """Return the number of zeros below the lowest one bit of a cell's id."""
+    return (cell & -cell).bit_length() - 1

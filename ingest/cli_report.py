@@ -43,7 +43,10 @@ def about(source: str | dict[str, Any]) -> str:
     where = "{},{} to {},{}".format(*corners)
     place = f"{source['spacing_m']:.3g} m apart from {where}"
     skipped = [f"{count} posts skipped: {why}" for why, count in source["skipped"].items()]
-    parts = [source.get("datum_here", "a picture"), place, *skipped]
+    met = []
+    if reach_m := source.get("reach_m"):
+        met = [f"meets {source['meets'] or 'sea level'} over {reach_m / 1000:.3g} km"]
+    parts = [source.get("datum_here", "a picture"), place, *met, *skipped]
     return f"{source['name']}: {'; '.join(parts)}"
 
 

@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.delaunay import Net
+from ingest.delaunay import Ints, Net
 from ingest.greedy import ALWAYS, Lists, over, refine
 from ingest.posts import column_row, point_at
+from ingest.upright import Ground, edge_gap, high_of, of_family, sag
 from tiles.frames import Floats
-from tiles.kernels import inlined, kernel
+from tiles.kernels import borrowing, inlined, kernel
 from tiles.mesh import UV_ONE
 
 ROUNDS = 64
@@ -36,13 +37,17 @@ class Under(NamedTuple):
     """(3,) m from the mesh's centre to the posts' origin"""
     to_map: Floats
     """(2, 2) from fractions of the cell to the map where triangles are compact"""
-    straight: bool
-    """`grid` is linear"""
 
 
 @kernel
 def close(
-    net: Net, lists: Lists, under: Under, count: int, size: int, bound: float
+    net: Net,
+    lists: Lists,
+    under: Under,
+    ground: Ground,
+    count: int,
+    size: int,
+    bound: float,
 ) -> tuple[int, int, bool]:
     """Insert until no point and no crossing is above the squared bound.
 
@@ -58,72 +63,96 @@ def close(
     for _ in range(ROUNDS):
         count = refine(net, lists, count, bound)
         before = size
-        for t in range(count):
-            if lists.unseen[t]:
-                gap, u, v = _worst_crossing(net, under, t)
-                lists.unseen[t] = gap > bound
-                if gap > bound:
-                    size = _give(net, lists, under, t, (u, v), gap, size)
+        ids, places, gaps = _too_far(net, lists.unseen, under, ground, count, bound)
+        for i in range(len(ids)):
+            place = places[i, 0], places[i, 1]
+            size = _give(net, lists, under, ids[i], place, gaps[i], size)
         if size == before:
             break
     return count, size, not lists.unseen[:count].any()
 
 
 @kernel
-def _worst_crossing(net: Net, under: Under, t: int) -> tuple[float, float, float]:
-    """Return the largest squared distance along a triangle's edges, and where it is."""
+def _too_far(
+    net: Net,
+    unseen: NDArray[np.bool_],
+    under: Under,
+    ground: Ground,
+    count: int,
+    bound: float,
+) -> tuple[Ints, Floats, Floats]:
+    """Look along the edges of triangles that nobody has looked at.
+
+    Returns
+    -------
+    ids : (n,) those that are above the squared bound; they stay unseen
+    places : (n, 2) fractions of the cell: where each is furthest off
+    gaps : (n,) squared distance there
+    """
     at, corner, opposite, points = net.at, net.corner, net.opposite, net.points
-    posts, grid, offset, middle = under.posts, under.grid, under.offset, net.middle
-    most, most_u, most_v = 0.0, 0.0, 0.0
-    for k in range(3):
-        p, q = corner[t, k], corner[t, (k + 1) % 3]
-        if p > q and opposite[3 * t + k] >= 0:
-            continue  # looked at from the other side
-        on_rim = _is_rim(at, p) and _is_rim(at, q)
-        u0, v0 = at[p, 0] / UV_ONE, at[p, 1] / UV_ONE
-        du, dv = at[q, 0] / UV_ONE - u0, at[q, 1] / UV_ONE - v0
-        x0, y0 = column_row(grid, u0, v0)
-        x1, y1 = column_row(grid, u0 + du, v0 + dv)
-        px, py, pz = points[p, 0], points[p, 1], points[p, 2]
-        dx, dy, dz = points[q, 0] - px, points[q, 1] - py, points[q, 2] - pz
-        px, py, pz = px - offset[0], py - offset[1], pz - offset[2]
-        for family in range(3):
-            start, end = _of_family(family, x0, y0), _of_family(family, x1, y1)
-            if abs(end - start) < 1e-9:
-                continue
-            part = 1.0 / (end - start)
-            first, last = int(np.ceil(min(start, end))), int(np.floor(max(start, end)))
-            for n in range(first, last + 1):
-                f = (n - start) * part
-                x, y = x0 + f * (x1 - x0), y0 + f * (y1 - y0)
-                if not under.straight:
-                    x, y = column_row(grid, u0 + f * du, v0 + f * dv)
-                tx, ty, tz = point_at(posts, x, y)
-                ax, ay, az = px + f * dx - tx, py + f * dy - ty, pz + f * dz - tz
-                gap = ax * ax + ay * ay + az * az
-                if gap > most and not on_rim:
-                    tx += middle[0] + offset[0]
-                    ty += middle[1] + offset[1]
-                    tz += middle[2] + offset[2]
-                    up = ax * tx + ay * ty + az * tz
-                    gap = min(gap, up * up / (tx * tx + ty * ty + tz * tz))
-                if gap > most:
-                    most, most_u, most_v = gap, u0 + f * du, v0 + f * dv
-    return most, most_u, most_v
+    high_m, middle = net.high_m, net.middle
+    truth, sags, grid = ground.high_m, ground.sags, ground.grid
+    posts, offset = under.posts, under.offset
+    twice_m = 2.0 * np.sqrt(middle[0] ** 2 + middle[1] ** 2 + middle[2] ** 2)
+    ids, places, gaps = np.empty(count, np.int64), np.empty((count, 2)), np.empty(count)
+    found = 0
+    for t in range(count):
+        if not unseen[t]:
+            continue
+        most = bound
+        for k in range(3):
+            p, q = corner[t, k], corner[t, (k + 1) % 3]
+            gap, f = 0.0, 0.0
+            if opposite[3 * t + k] < 0:
+                gap, f = _on_rim(at, points, posts, offset, grid, p, q)
+            elif p < q:  # else looked at from the other side
+                edge = p, q, sag(points, high_m, twice_m, p, q)
+                far_m, f = edge_gap(at, high_m, truth, sags, grid, edge, np.inf)
+                gap = far_m * far_m
+            if gap > most:
+                most = gaps[found] = gap
+                for j in range(2):
+                    places[found, j] = (at[p, j] + f * (at[q, j] - at[p, j])) / UV_ONE
+        unseen[t] = most > bound
+        ids[found] = t
+        found += int(most > bound)
+    return ids[:found], places[:found], gaps[:found]
 
 
-@inlined
-def _of_family(family: int, x: float, y: float) -> float:
-    """Return a place's number among columns, rows or diagonals."""
-    return x if family == 0 else y if family == 1 else x - y
+@borrowing
+def _on_rim(
+    at: Ints,
+    points: Floats,
+    posts: NDArray[np.float32],
+    offset: Floats,
+    grid: Floats,
+    p: int,
+    q: int,
+) -> tuple[float, float]:
+    """Return the largest squared distance along an edge on the rim, and where it is."""
+    most, where = 0.0, 0.0
+    u, v = at[p, 0] / UV_ONE, at[p, 1] / UV_ONE
+    du, dv = at[q, 0] / UV_ONE - u, at[q, 1] / UV_ONE - v
+    x0, y0 = column_row(grid, u, v)
+    x1, y1 = column_row(grid, u + du, v + dv)
+    for family in range(3):
+        start, end = of_family(family, x0, y0), of_family(family, x1, y1)
+        if abs(end - start) < 1e-9:
+            continue
+        first, last = int(np.ceil(min(start, end))), int(np.floor(max(start, end)))
+        for n in range(first, last + 1):
+            f = (n - start) / (end - start)
+            x, y = column_row(grid, u + f * du, v + f * dv)
+            true, gap = point_at(posts, x, y), 0.0
+            for k in range(3):
+                there = points[p, k] + f * (points[q, k] - points[p, k])
+                gap += (there - offset[k] - true[k]) ** 2
+            if gap > most:
+                most, where = gap, f
+    return most, where
 
 
-@inlined
-def _is_rim(at: NDArray[np.int64], p: int) -> bool:
-    return bool(at[p, 0] % UV_ONE == 0 or at[p, 1] % UV_ONE == 0)
-
-
-@kernel
+@borrowing
 def _give(
     net: Net,
     lists: Lists,
@@ -160,7 +189,7 @@ def _beside(step: int) -> int:
     return UV_ONE if step > UV_ONE - BESIDE else step
 
 
-@kernel
+@borrowing
 def _add(
     net: Net,
     lists: Lists,
@@ -185,6 +214,7 @@ def _add(
     true = point_at(under.posts, x, y)
     for k in range(3):
         net.points[q, k] = true[k] + under.offset[k]
+    net.high_m[q] = high_of(net.points, q, net.middle)
     for k in range(2):
         net.flat[q, k] = under.to_map[k, 0] * u + under.to_map[k, 1] * v
     net.must[q] = gap == ALWAYS

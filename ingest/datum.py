@@ -47,7 +47,7 @@ def datum_of(path: str | Path, stated: str | None, file_crs: str | None) -> str:
     InputError
         When neither knows it, or the datum's grid is not installed.
     """
-    found = _stated(stated) if stated else _of_crs(file_crs)
+    found = _stated(stated) if stated else datum_in(file_crs)
     if found is None:
         reason = (
             f"unknown vertical datum {stated!r}" if stated else "vertical datum not known"
@@ -70,12 +70,13 @@ def _of_epsg(code: int) -> str | None:
     if code in EPSG:
         return EPSG[code]
     try:
-        return _of_crs(f"EPSG:{code}")
+        return datum_in(f"EPSG:{code}")
     except pyproj.exceptions.CRSError:
         return None
 
 
-def _of_crs(wkt: str | None) -> str | None:
+def datum_in(wkt: str | None) -> str | None:
+    """Return the vertical datum that a coordinate system says, None if none."""
     crs = pyproj.CRS.from_user_input(wkt) if wkt else None
     if crs is None:
         return None

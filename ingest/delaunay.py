@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.frames import Floats
-from tiles.kernels import inlined, kernel
+from tiles.kernels import borrowing, inlined
 
 Ints = NDArray[np.int64]
 
@@ -28,6 +28,8 @@ class Net(NamedTuple):
     """(n,) points that become vertices however near their triangles are"""
     middle: Floats
     """(3,) m from the earth's centre to the points' origin; 0 to measure to planes"""
+    high_m: Floats
+    """(n,) heights of the points, as in `upright`"""
     corner: Ints
     """(m, 3) points of every triangle, counter-clockwise"""
     opposite: Ints
@@ -69,7 +71,7 @@ def _in_circle(flat: Floats, a: int, b: int, c: int, p: int) -> bool:
     return bool(det > 1e-12 * (aa + bb + cc) ** 2)
 
 
-@kernel
+@borrowing
 def _legalise(net: Net, stack: Ints, depth: int, star: Ints, size: int) -> int:
     """Flip edges until every stacked half-edge is Delaunay again.
 
@@ -102,7 +104,7 @@ def _legalise(net: Net, stack: Ints, depth: int, star: Ints, size: int) -> int:
     return size
 
 
-@kernel
+@borrowing
 def _split_face(corner: Ints, opposite: Ints, count: int, t: int, p: int) -> int:
     """Put p into the inside of triangle t; returns the new count of triangles."""
     a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
@@ -114,7 +116,7 @@ def _split_face(corner: Ints, opposite: Ints, count: int, t: int, p: int) -> int
     return count + 2
 
 
-@kernel
+@borrowing
 def _split_edge(corner: Ints, opposite: Ints, count: int, e: int, p: int) -> int:
     """Put p on half-edge e of its triangle and of the one across; returns the new count."""
     t, k, f = e // 3, e % 3, opposite[e]
@@ -135,7 +137,7 @@ def _split_edge(corner: Ints, opposite: Ints, count: int, e: int, p: int) -> int
     return count + 2
 
 
-@kernel
+@borrowing
 def insert(
     net: Net, count: int, t: int, p: int, stack: Ints, star: Ints
 ) -> tuple[int, int]:

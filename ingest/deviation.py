@@ -15,15 +15,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.deviation_kernels import (
-    beyond,
-    framed,
-    measure,
-    note,
-    only_in,
-    over_posts,
-)
-from ingest.distance import Mesh, Posts
+from ingest.deviation_kernels import add
 from ingest.terrain_mesh import Surface
 from ingest.truth import Truth
 from tiles.frames import Floats
@@ -76,21 +68,11 @@ class Gaps:
         upright : measure along the vertical instead of the shortest way
         edges : measure along edges too, not only at posts
         """
-        todo = surface.fresh.copy()
-        if not only_in(todo, surface.uv, surface.triangles, window):
-            return
-        found = beyond(self.far_m, truth.slack_m)
-        offset = surface.centre - truth.centre
-        parts = surface.points, surface.uv, surface.triangles
-        points, at, xy = framed(parts, todo, offset, window, truth.grid)
-        x, y, z = (float(one) * upright for one in truth.centre)
         ways = surface.triangles, surface.on_rim, surface.across
-        mesh = Mesh(points, at, xy, *ways, (x, y, z))
-        bend = 0.05 + float(np.abs(truth.grid[:, 3:]).sum())
-        posts = Posts(truth.points, truth.uv, truth.grid, bend)
-        (measure if edges else over_posts)(mesh, posts, todo, found)
-        slack_m = truth.slack_m
-        self.which[note(self.far_m, self.uv, todo, found, slack_m, window)] = number
+        drawn = surface.points, surface.uv, *ways, surface.centre
+        true = truth.points, truth.uv, truth.grid, truth.centre, truth.slack_m
+        known = self.far_m, self.uv, self.which
+        add(known, surface.fresh, drawn, true, window, (number, upright, edges))
 
 
 def deviation_of(

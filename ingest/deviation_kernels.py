@@ -8,18 +8,16 @@ is taken out of a tuple its references are counted, which took longer than the s
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.crossings import crossed, inside
+from ingest.deviation_edges import along_edges
 from ingest.distance import (
     Found,
     Mesh,
-    Point,
     Posts,
     squared_gap,
     to_mesh,
-    to_true_plane,
     upright_gap,
 )
-from ingest.posts import column_row, point_at
+from ingest.posts import column_row
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel
 
@@ -29,10 +27,59 @@ Ints = NDArray[np.int64]
 Window = tuple[float, float, float]
 OVER = -1e-9
 """Least weight of a corner at a place over a triangle"""
+Drawn = tuple[Floats, Floats, Ints, Flags, Ints, Floats]
+"""Of a surface: points, fractions of its cell, triangles, `rim`, `across`; its centre"""
+Given = tuple[NDArray[np.float32], Floats, Floats, Floats, float]
+"""Of a truth: points, fractions of its cell, `grid`; its centre, what it misses"""
 
 
 @kernel
-def framed(
+def add(
+    known: tuple[Floats, Floats, Ints],
+    fresh: Flags,
+    drawn: Drawn,
+    true: Given,
+    window: Window,
+    how: tuple[int, bool, bool],
+) -> None:
+    """Measure a surface's fresh triangles against a truth.
+
+    Parameters
+    ----------
+    known : of `Gaps`
+    window : of the truth in the surface
+    how : number of the truth, whether to measure along the vertical, and along edges
+    """
+    far_m, uv, which = known
+    points, at, triangles, rim, across, centre = drawn
+    posts, places, grid, middle, slack_m = true
+    number, upright, edges = how
+    todo = fresh.copy()
+    if not _only_in(todo, at, triangles, window):
+        return
+    there, inside_at, xy = _framed(
+        (points, at, triangles), todo, centre - middle, window, grid
+    )
+    x, y, z = middle[0] * upright, middle[1] * upright, middle[2] * upright
+    mesh = Mesh(there, inside_at, xy, triangles, rim, across, (x, y, z))
+    bend = 0.05 + np.abs(grid[:, 3:]).sum()
+    found = _beyond(far_m, todo, slack_m)
+    _over_posts(mesh, Posts(posts, places, grid, bend), todo, found)
+    if edges:
+        along_edges(mesh, Posts(posts, places, grid, bend), todo, found)
+    for t in range(len(far_m)):
+        if not todo[t]:
+            continue
+        if found.squared[t] > max(far_m[t] - slack_m, 0.0) ** 2:
+            which[t] = number
+            far_m[t] = np.sqrt(found.squared[t]) + slack_m
+            uv[t, 0] = window[0] + found.uv[t, 0] * window[2]
+            uv[t, 1] = window[1] + found.uv[t, 1] * window[2]
+        far_m[t] = max(far_m[t], slack_m)
+
+
+@kernel
+def _framed(
     surface: tuple[Floats, Floats, Ints],
     todo: Flags,
     offset: Floats,
@@ -67,7 +114,7 @@ def framed(
 
 
 @kernel
-def only_in(todo: Flags, uv: Floats, triangles: Ints, window: Window) -> bool:
+def _only_in(todo: Flags, uv: Floats, triangles: Ints, window: Window) -> bool:
     """Leave out triangles that do not reach into a window; says whether one is left."""
     u, v, size = window
     left = False
@@ -85,41 +132,17 @@ def only_in(todo: Flags, uv: Floats, triangles: Ints, window: Window) -> bool:
 
 
 @kernel
-def beyond(far_m: Floats, slack_m: float) -> Found:
+def _beyond(far_m: Floats, todo: Flags, slack_m: float) -> Found:
     """Begin with what is left of distances without a slack."""
     left = np.empty_like(far_m)
     for t in range(len(far_m)):
-        left[t] = max(far_m[t] - slack_m, 0.0) ** 2
+        if todo[t]:
+            left[t] = max(far_m[t] - slack_m, 0.0) ** 2
     return Found(left, np.empty((len(far_m), 2)))
 
 
 @kernel
-def note(
-    far_m: Floats, uv: Floats, todo: Flags, found: Found, slack_m: float, window: Window
-) -> Flags:
-    """Write down what was found of those triangles that were to do; says which rose."""
-    rose = np.zeros(len(far_m), np.bool_)
-    for t in range(len(far_m)):
-        if not todo[t]:
-            continue
-        if found.squared[t] > max(far_m[t] - slack_m, 0.0) ** 2:
-            rose[t] = True
-            far_m[t] = np.sqrt(found.squared[t]) + slack_m
-            uv[t, 0] = window[0] + found.uv[t, 0] * window[2]
-            uv[t, 1] = window[1] + found.uv[t, 1] * window[2]
-        far_m[t] = max(far_m[t], slack_m)
-    return rose
-
-
-@kernel
-def measure(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
-    """Visit those triangles that are to do: they meet the leaf."""
-    over_posts(mesh, posts, todo, found)
-    _along_edges(mesh, posts, todo, found)
-
-
-@kernel
-def over_posts(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
+def _over_posts(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
     """Compare with the posts over each triangle."""
     at, points, triangles, xy = mesh.at, mesh.points, mesh.triangles, mesh.xy
     across = mesh.across
@@ -190,90 +213,3 @@ def _window(at: Floats, xy: Floats, grid: Floats, corners: tuple[int, int, int])
         left, right = min(x0, x1, x2, x3), max(x0, x1, x2, x3)
         top, bottom = min(y0, y1, y2, y3), max(y0, y1, y2, y3)
     return left, top, right, bottom
-
-
-@kernel
-def _edges(mesh: Mesh, grid: Floats, todo: Flags) -> tuple[Ints, Floats]:
-    """List the edges to visit.
-
-    Returns
-    -------
-    halves : (n,) half-edges, 3 t + k
-    parts : (n, 6) the part of each in the leaf: its ends as fractions of the edge, column
-        and row of the first, and of the other
-    """
-    at, xy, triangles, rim = mesh.at, mesh.xy, mesh.triangles, mesh.rim
-    halves, parts = np.empty(triangles.size, np.int64), np.empty((triangles.size, 6))
-    count = 0
-    for half in range(triangles.size):
-        t, k = half // 3, half % 3
-        p, q = triangles[t, k], triangles[t, (k + 1) % 3]
-        # Of two half-edges one is enough; those on the rim have no other.
-        if not todo[t] or (p > q and not (rim[p] and rim[q])):
-            continue
-        u, v, du, dv = at[p, 0], at[p, 1], at[q, 0] - at[p, 0], at[q, 1] - at[p, 1]
-        low, high = inside(u, v, at[q, 0], at[q, 1])
-        if low > high:
-            continue
-        x0, y0, x1, y1 = xy[p, 0], xy[p, 1], xy[q, 0], xy[q, 1]
-        if low > 0.0 or high < 1.0:
-            x0, y0 = column_row(grid, u + low * du, v + low * dv)
-            x1, y1 = column_row(grid, u + high * du, v + high * dv)
-        halves[count] = half
-        parts[count, 0], parts[count, 1], parts[count, 2] = low, high, x0
-        parts[count, 3], parts[count, 4], parts[count, 5] = y0, x1, y1
-        count += 1
-    return halves[:count], parts[:count]
-
-
-@kernel
-def _along_edges(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
-    """Compare where edges cross columns, rows and diagonals; on the rim, their ends too."""
-    at, points, triangles, across = mesh.at, mesh.points, mesh.triangles, mesh.across
-    heights, grid, middle = posts.points, posts.grid, mesh.middle
-    squared, where = found.squared, found.uv
-    halves, parts = _edges(mesh, grid, todo)
-    rim, straight = mesh.rim, (grid[:, 3:] == 0.0).all()
-    for i in range(len(halves)):
-        t, k = halves[i] // 3, halves[i] % 3
-        p, q = triangles[t, k], triangles[t, (k + 1) % 3]
-        # A chord from one side to another is no part of the rim.
-        beside = at[p, 0] == at[q, 0] or at[p, 1] == at[q, 1]
-        on_rim = rim[p] and rim[q] and beside
-        low, long = parts[i, 0], parts[i, 1] - parts[i, 0]
-        for family in range(3 + int(on_rim)):
-            start, end = crossed(family, parts, i)
-            if abs(end - start) < 1e-9:
-                continue
-            first, last = int(np.ceil(min(start, end))), int(np.floor(max(start, end)))
-            for n in range(first, last + 1):
-                g = (n - start) / (end - start)
-                f = low + g * long
-                u, v = (
-                    at[p, 0] + f * (at[q, 0] - at[p, 0]),
-                    at[p, 1] + f * (at[q, 1] - at[p, 1]),
-                )
-                x = parts[i, 2] + g * (parts[i, 4] - parts[i, 2])
-                y = parts[i, 3] + g * (parts[i, 5] - parts[i, 3])
-                if not straight:
-                    x, y = column_row(grid, u, v)
-                true, flat = point_at(heights, x, y), _between(points, p, q, f)
-                gap = squared_gap(flat, true)
-                if gap > squared[t] and not on_rim:
-                    upright = upright_gap(middle, flat, true)
-                    if upright < 0.0:
-                        upright = to_mesh(points, triangles, across, t, true)
-                        upright = max(upright, to_true_plane(heights, x, y, flat, true))
-                    gap = min(gap, upright)
-                if gap > squared[t]:
-                    squared[t], where[t, 0], where[t, 1] = gap, u, v
-
-
-@inlined
-def _between(points: Floats, p: int, q: int, f: float) -> Point:
-    """Return the place on an edge."""
-    return (
-        points[p, 0] + f * (points[q, 0] - points[p, 0]),
-        points[p, 1] + f * (points[q, 1] - points[p, 1]),
-        points[p, 2] + f * (points[q, 2] - points[p, 2]),
-    )

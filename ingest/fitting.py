@@ -2,7 +2,8 @@
 """A cell's mesh, refined, measured and mended until it is within its bound.
 
 Insertion sees the places that a cell is made of; what is found too far elsewhere
-(another post, or a line between posts) becomes a place, and the mesh is refined on.
+(another post, or a line between posts) becomes a place, and the mesh is refined on. In
+the same rounds an inner cell gives up vertices that its bound does not need.
 """
 
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.boxes import window_in
 from ingest.deviation import Gaps
+from ingest.removal import Holes
 from ingest.terrain_mesh import Meshing, Places, Surface, at_pole, snapped
 from ingest.truth import Truth, points_at
 from tiles.frames import Floats
@@ -20,6 +22,9 @@ from tiles.mesh import UV_ONE
 
 ROUNDS = 16
 """Most rounds of mending"""
+THINNINGS = 3
+"""Rounds in which vertices of an inner cell are taken out: one more takes 4 % of its
+triangles away, and an eighth more time"""
 BESIDE = 1 / 64
 """Fraction of a cell within which a place is beside its edge"""
 NEARLY_ALL = 0.75
@@ -52,7 +57,7 @@ def fitted(
     error_m : its largest distance from the truths
     """
     fitting = begun or Fitting(cell, places, truths, leaf=leaf)
-    if leaf and not begun and fitting.roughness(bound_m) > NEARLY_ALL:
+    if leaf and fitting.roughness(bound_m) > NEARLY_ALL:
         fitting.take_all()
     best = fitting.within(bound_m, ROUNDS)
     if leaf and best[1] > fitting.goal_m(bound_m) + fitting.slack_m and not at_pole(cell):
@@ -73,6 +78,8 @@ class Fitting:
         self._truths = truths
         self._gaps: Gaps | None = None
         self._closes = leaf and len(truths) == 1 and not at_pole(cell)
+        # At a pole a triangle's distances depend on those around it.
+        self._thinnings = 0 if leaf or at_pole(cell) else THINNINGS
         self._windows = [window_in(cell, one.cell) for one in truths]
         self.slack_m = max(truth.slack_m for truth in truths)
         # A finer mesh cures nothing of what a leaf's posts miss, and a cell above has room.
@@ -95,17 +102,29 @@ class Fitting:
     def take_all(self) -> None:
         """Insert all places."""
         self._meshing.refine_wholly()
-        self._closes = False  # hardly anything is left to find
 
     def within(self, bound_m: float, rounds: int) -> Fitted:
-        """Mesh, measure and mend until the bound is kept, or after some rounds."""
+        """Mesh, measure, mend and thin until the bound is kept, or after some rounds."""
         goal_m = self.goal_m(bound_m)
-        best = self._refined(goal_m)
-        for _ in range(rounds):
-            if best[1] <= bound_m or not self._add_too_far(goal_m):
+        self._insert(goal_m)
+        best = last = self._measured()
+        error_m, settled = best[1], False
+        for n in range(rounds):
+            mends = error_m > bound_m and self._add_too_far(goal_m)
+            if mends:
+                self._insert(goal_m)
+            holes = self._meshing.lift(goal_m) if n < self._thinnings else None
+            if not (mends or holes):
                 break
-            best = min(best, self._refined(goal_m), key=_error)
-        return best
+            before, last = self._gaps, self._measured()
+            settled = bool(before and holes)
+            if before and holes:
+                error_m = self._settle(holes, before, bound_m)
+            else:
+                best, error_m = min(best, last, key=_error), last[1]
+        if settled:
+            last = self._measured()
+        return last if last[1] <= bound_m else min(best, last, key=_error)
 
     def roughly(self, bound_m: float, rounds: int) -> Fitted:
         """Do the same for less: what insertion knows of edges is not measured again."""
@@ -127,17 +146,27 @@ class Fitting:
         one = self._truths[0]
         return self._meshing.close(goal_m, one.points, one.grid, one.centre)
 
-    def _refined(self, goal_m: float) -> Fitted:
-        """Insert places, and measure what has changed."""
-        self._insert(goal_m)
+    def _measured(self) -> Fitted:
+        """Measure what has changed."""
         surface = self._meshing.surface()
         if self._gaps is None:
             surface.fresh[:] = True
         self._gaps = Gaps.begin(surface, self._gaps)
-        for number, truth in enumerate(self._truths):
+        for number, truth in enumerate(self._truths if surface.fresh.any() else ()):
             window = self._windows[number]
             self._gaps.add(surface, window, truth, number, upright=self._leaf)
         return surface, self._gaps.largest_m
+
+    def _settle(self, holes: Holes, before: Gaps, bound_m: float) -> float:
+        """Keep those holes whose triangles are within the bound; returns the error, m."""
+        gaps = self._gaps
+        assert gaps
+        order, back = self._meshing.settle(holes, gaps.far_m > bound_m)
+        old = np.flatnonzero(back)
+        gaps.far_m[old], gaps.uv[old] = before.far_m[old], before.uv[old]
+        gaps.which[old] = before.which[old]
+        self._gaps = Gaps(gaps.far_m[order], gaps.uv[order], gaps.which[order])
+        return self._gaps.largest_m
 
     def _add_too_far(self, goal_m: float) -> bool:
         """Add the place where each triangle is furthest from the truths, if it is too far.
@@ -148,20 +177,25 @@ class Fitting:
         gaps = self._gaps
         assert gaps
         slack_m = np.array([one.slack_m for one in self._truths])
-        far = gaps.far_m - slack_m[gaps.which] > goal_m
-        at, points, near = [], [], []
-        for k in np.unique(gaps.which[far]).tolist():
-            truth, mine = self._truths[k], np.flatnonzero(far & (gaps.which == k))
-            uv, beside = gaps.uv[mine], np.flatnonzero(is_beside_rim(gaps.uv[mine]))
-            at.append(snapped(np.concatenate([uv, on_rim(uv[beside])])))
-            near.append(np.concatenate([mine, mine[beside]]))
-            window = self._windows[k]
-            there = points_at(truth, (at[-1] / UV_ONE - window[:2]) / window[2])
-            points.append(there + truth.centre)
-        if not at:
+        far = np.flatnonzero(gaps.far_m - slack_m[gaps.which] > goal_m)
+        if not len(far):
             return False
-        found = np.concatenate(at), np.concatenate(points), np.concatenate(near)
-        return self._meshing.add(*found)
+        beside = far[is_beside_rim(gaps.uv[far])]
+        rim = on_rim(gaps.uv[beside])
+        which = np.concatenate([gaps.which[far], self.holding(rim)])
+        at = snapped(np.concatenate([gaps.uv[far], rim]))
+        points = np.empty((len(at), 3))
+        for k in np.unique(which).tolist():
+            truth, mine, window = self._truths[k], which == k, self._windows[k]
+            uv = (at[mine] / UV_ONE - window[:2]) / window[2]
+            points[mine] = points_at(truth, uv) + truth.centre
+        return self._meshing.add(at, points, np.concatenate([far, beside]))
+
+    def holding(self, uv: Floats) -> NDArray[np.int64]:
+        """Return the truths that places, (n, 2), lie in: not those of places beside."""
+        windows = np.array(self._windows)
+        past = (uv[:, None] - windows[:, :2]) / windows[:, 2:]
+        return np.asarray(((past >= 0) & (past <= 1)).all(axis=2).argmax(axis=1))
 
 
 def _error(result: Fitted) -> float:

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.delaunay import Ints, Net, insert, turn, write_triangle
+from ingest.upright import sag
 from tiles.frames import Floats
-from tiles.kernels import inlined, kernel
+from tiles.kernels import borrowing, inlined, kernel
 from tiles.mesh import UV_ONE
 
 ALWAYS = 1e12
@@ -35,6 +36,7 @@ MOST_TRIANGLES = 120_000
 
 
 Corners = tuple[int, int, int]
+Weights = tuple[int, int, int]
 
 
 class Lists(NamedTuple):
@@ -51,7 +53,7 @@ class Lists(NamedTuple):
     weight: Floats
     """(n,) squared distance of each vertex when it was inserted"""
     normals: Floats
-    """(m, 3) room for unit normals"""
+    """(m, 3) room for unit normals, or sags"""
     fresh: NDArray[np.bool_]
     """(m,) triangles written since somebody looked"""
     unseen: NDArray[np.bool_]
@@ -59,7 +61,7 @@ class Lists(NamedTuple):
 
 
 @inlined
-def _slopes(points: Floats, corner: Ints, star: Ints, size: int, normals: Floats) -> None:
+def slopes(points: Floats, corner: Ints, star: Ints, size: int, normals: Floats) -> None:
     """Write what a difference is multiplied by to give the distance from a plane."""
     for n in range(size):
         a, b, c = corner[star[n], 0], corner[star[n], 1], corner[star[n], 2]
@@ -72,7 +74,7 @@ def _slopes(points: Floats, corner: Ints, star: Ints, size: int, normals: Floats
 
 
 @inlined
-def _off(points: Floats, normals: Floats, n: int, a: int, q: int) -> float:
+def off_plane(points: Floats, normals: Floats, n: int, a: int, q: int) -> float:
     """Squared distance of a point from the plane of a star's triangle."""
     off = normals[n, 0] * (points[q, 0] - points[a, 0])
     off += normals[n, 1] * (points[q, 1] - points[a, 1])
@@ -81,27 +83,40 @@ def _off(points: Floats, normals: Floats, n: int, a: int, q: int) -> float:
 
 
 @inlined
-def _off_upright(
-    at: Ints, points: Floats, middle: Floats, corners: Corners, q: int
-) -> float:
-    """Squared difference in height of a point and the triangle at the same place."""
-    a, b, c = corners
-    w0, w1, w2 = turn(at, b, c, q), turn(at, c, a, q), turn(at, a, b, q)
-    part = 1.0 / (w0 + w1 + w2)
-    off, squared = 0.0, 0.0
-    for k in range(3):
-        up = middle[k] + points[q, k]
-        there = (w0 * points[a, k] + w1 * points[b, k] + w2 * points[c, k]) * part
-        off += (there - points[q, k]) * up
-        squared += up * up
-    return float(off * off / squared)
+def _sags(
+    points: Floats,
+    high_m: Floats,
+    middle: Floats,
+    corner: Ints,
+    star: Ints,
+    size: int,
+    sags: Floats,
+) -> None:
+    """Write the sags of a star's edges."""
+    twice_m = 2.0 * np.sqrt(middle[0] ** 2 + middle[1] ** 2 + middle[2] ** 2)
+    for n in range(size):
+        for k in range(3):
+            p, q = corner[star[n], k], corner[star[n], (k + 1) % 3]
+            sags[n, k] = sag(points, high_m, twice_m, p, q)
 
 
 @inlined
-def _off_rim(at: Ints, points: Floats, corners: Corners, q: int) -> float:
+def off_upright(
+    high_m: Floats, sags: Floats, n: int, corners: Corners, weights: Weights, q: int
+) -> float:
+    """Squared difference in height of a point and a star's triangle at the same place."""
+    part = 1.0 / (weights[0] + weights[1] + weights[2])
+    f0, f1, f2 = weights[0] * part, weights[1] * part, weights[2] * part
+    there = f0 * high_m[corners[0]] + f1 * high_m[corners[1]] + f2 * high_m[corners[2]]
+    there -= f0 * f1 * sags[n, 0] + f1 * f2 * sags[n, 1] + f2 * f0 * sags[n, 2]
+    return float((there - high_m[q]) ** 2)
+
+
+@inlined
+def off_rim(points: Floats, corners: Corners, weights: Weights, q: int) -> float:
     """Squared distance of a point on the rim from the triangle at the same place."""
     a, b, c = corners
-    w0, w1, w2 = turn(at, b, c, q), turn(at, c, a, q), turn(at, a, b, q)
+    w0, w1, w2 = weights
     squared = 0.0
     for k in range(3):
         there = w0 * points[a, k] + w1 * points[b, k] + w2 * points[c, k]
@@ -118,16 +133,17 @@ def _is_at(at: Ints, weight: Floats, q: int, p: int) -> bool:
     return same
 
 
-@kernel
-def _assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int) -> None:
+@borrowing
+def assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int) -> None:
     """Give orphans but p to the triangle of a star that they lie over; note the worst."""
     at, corner, points, must = net.at, net.corner, net.points, net.must
     head, after, candidate, worst = lists.head, lists.after, lists.candidate, lists.worst
-    normals = lists.normals
-    middle = net.middle
+    normals, high_m, middle = lists.normals, net.high_m, net.middle
     upright = middle[0] != 0.0 or middle[1] != 0.0 or middle[2] != 0.0
-    if not upright:
-        _slopes(points, corner, star, size, normals)
+    if upright:
+        _sags(points, high_m, middle, corner, star, size, normals)
+    else:
+        slopes(points, corner, star, size, normals)
     for n in range(size):
         t = star[n]
         head[t], candidate[t], worst[t] = -1, -1, -1.0
@@ -137,16 +153,17 @@ def _assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int)
         for n in range(size * int(not _is_at(at, lists.weight, q, p))):
             t = star[n]
             a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
-            if turn(at, a, b, q) < 0 or turn(at, b, c, q) < 0 or turn(at, c, a, q) < 0:
+            w0, w1, w2 = turn(at, b, c, q), turn(at, c, a, q), turn(at, a, b, q)
+            if w0 < 0 or w1 < 0 or w2 < 0:
                 continue
             after[q] = head[t]
             head[t] = q
             if at[q, 0] % UV_ONE == 0 or at[q, 1] % UV_ONE == 0:
-                squared = _off_rim(at, points, (a, b, c), q)
+                squared = off_rim(points, (a, b, c), (w0, w1, w2), q)
             elif upright:
-                squared = _off_upright(at, points, middle, (a, b, c), q)
+                squared = off_upright(high_m, normals, n, (a, b, c), (w0, w1, w2), q)
             else:
-                squared = _off(points, normals, n, a, q)
+                squared = off_plane(points, normals, n, a, q)
             if must[q]:
                 squared += ALWAYS
             if squared > worst[t]:
@@ -155,7 +172,7 @@ def _assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int)
 
 
 @inlined
-def _orphaned(head: Ints, after: Ints, star: Ints, size: int) -> int:
+def orphaned(head: Ints, after: Ints, star: Ints, size: int) -> int:
     """Join the lists of a star's triangles to one; returns its first point."""
     first = -1
     for n in range(size):
@@ -173,11 +190,11 @@ def begin(net: Net, lists: Lists, points: int) -> int:
     """Make the first two triangles and give all points to them; returns their count."""
     write_triangle(net.corner, net.opposite, 0, (0, 1, 2), (-1, -1, -1))
     write_triangle(net.corner, net.opposite, 1, (0, 2, 3), (2, -1, -1))
-    _assign(net, lists, CORNERS if points > CORNERS else -1, np.arange(2), 2, -1)
+    assign(net, lists, CORNERS if points > CORNERS else -1, np.arange(2), 2, -1)
     return 2
 
 
-@kernel
+@borrowing
 def over(net: Net, t: int, q: int) -> int:
     """Walk from triangle t to the one that q lies over."""
     at, corner, opposite = net.at, net.corner, net.opposite
@@ -189,17 +206,6 @@ def over(net: Net, t: int, q: int) -> int:
         else:
             k += 1
     return t
-
-
-@kernel
-def place(net: Net, lists: Lists, ids: Ints, size: int, near: Ints) -> None:
-    """Find the triangles of points that must be inserted; those from `size` are new."""
-    for i in range(len(ids)):
-        q, t = ids[i], over(net, near[i], ids[i])
-        if q >= size:
-            lists.after[q] = lists.head[t]
-            lists.head[t] = q
-        lists.candidate[t], lists.worst[t] = q, ALWAYS
 
 
 @kernel
@@ -222,7 +228,7 @@ def refine(net: Net, lists: Lists, count: int, bound: float) -> int:
             return count
         lists.weight[p] = worst[t]
         count, size = insert(net, count, t, p, stack, star)
-        _assign(net, lists, _orphaned(head, after, star, size), star, size, p)
+        assign(net, lists, orphaned(head, after, star, size), star, size, p)
         for n in range(size):
             fresh[star[n]] = unseen[star[n]] = True
             _raise(peak, half, worst, star[n] // CHUNK)

@@ -158,6 +158,23 @@ class Layer:
             found[:, (cols < 0) | (cols >= width)] = np.nan
         return found
 
+    def rim_heights(
+        self, lon_rad: Floats, lat_rad: Floats, step_m: float
+    ) -> tuple[Floats, Floats]:
+        """Return heights of the raster's nearest posts, and how far away they are, (n,) m.
+
+        Parameters
+        ----------
+        step_m : posts closer than that are averaged, but not over all of the raster
+        """
+        height, width = self._shape
+        posts = min(step_m / self.spacing_m, min(height, width) / 4)
+        edge = max(posts, 1.0) / 2
+        col, row = self.pixels(lon_rad, lat_rad)
+        x, y = np.clip(col, edge, width - 1 - edge), np.clip(row, edge, height - 1 - edge)
+        found = self._heights(x, y, posts * self.spacing_m)
+        return found, np.hypot(col - x, row - y) * self.spacing_m
+
     def holds(self, box_rad: Iterable[float | Floats]) -> bool:
         """Say whether a source holds data in a box: never no where it does.
 

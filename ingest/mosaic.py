@@ -113,6 +113,14 @@ class Mosaic:
         rims = group.outer, group.inner[group.layers.index(layer)]
         return max((rim.feather_m for rim in rims if rim), default=0.0)
 
+    def meets(self, layer: Layer) -> str:
+        """Return the source that bends to meet one; empty where it is the sea level."""
+        at = next(k for k, one in enumerate(self._groups) if layer in one.layers)
+        if (rim := self._groups[at].outer) is None:
+            return "its neighbours"
+        coarser = [one.layers[0] for one in self._groups[:at]]
+        return next((one.name for one in coarser if one.spacing_m == rim.feather_m), "")
+
     def _outer_rim(self, group: SourceGroup, count: int) -> Rim | None:
         """Find where a group meets the `count` coarser ones, and the difference there."""
         touched: set[float] = set()

@@ -19,12 +19,19 @@ LARGEST_BLOCK_BYTES = 256 << 20
 """A file's own block is unpacked whole, however little of it is needed."""
 MOST_POSTS, MOST_POSTS_A_BYTE = 1 << 30, 2000
 """A larger raster must have more bytes than that: else it is all but empty."""
+MOST_TIMES = 4
+"""Likewise a VRT more posts in its parts"""
 DRIVERS = {
     ".hgt": "SRTMHGT",
     ".zip": "SRTMHGT",
     ".nc": "netCDF",
     ".img": "HFA",
     ".asc": "AAIGrid",
+    ".bil": "EHdr",
+    ".flt": "EHdr",
+    ".dt0": "DTED",
+    ".dt1": "DTED",
+    ".dt2": "DTED",
     ".png": "PNG",
     ".jpg": "JPEG",
     ".jpeg": "JPEG",
@@ -89,28 +96,38 @@ def require_usable(path: Path, dataset: rasterio.DatasetReader) -> None:
         raise InputError(path, "holds several rasters", "extract one with gdal_translate")
     if np.dtype(dataset.dtypes[0]).kind == "c":
         raise InputError(path, "holds complex numbers", "give elevations in metres")
-    posts = dataset.width * dataset.height
-    held = path.stat().st_size
-    if posts > MOST_POSTS and posts > MOST_POSTS_A_BYTE * held and dataset.driver != "VRT":
-        size = f"{dataset.width} x {dataset.height} posts in {held} bytes"
-        advice = "cut out what it holds with gdal_translate -projwin"
-        raise InputError(path, f"all but empty ({size})", advice)
     if dataset.driver == "VRT":
-        require_local_parts(path, path, dataset, vrt.MOST_DEEP)
+        held = posts_of_parts(path, path, dataset, vrt.MOST_DEEP)
+        require_full(path, dataset, MOST_TIMES * held)
     else:
+        require_full(path, dataset, MOST_POSTS_A_BYTE * path.stat().st_size)
         require_small_blocks(path, dataset)
 
 
-def require_local_parts(
+def require_full(path: Path, dataset: rasterio.DatasetReader, most: int) -> None:
+    """Refuse a raster of many more posts than it can hold."""
+    if dataset.width * dataset.height > max(MOST_POSTS, most):
+        size = f"{dataset.width} x {dataset.height} posts"
+        advice = "cut out what it holds with gdal_translate -projwin"
+        raise InputError(path, f"all but empty for its {size}", advice)
+
+
+def posts_of_parts(
     path: Path, inner: Path, dataset: rasterio.DatasetReader, deep: int
-) -> None:
-    """Refuse a VRT one of whose parts would be refused by itself, or lies on a network.
+) -> int:
+    """Return how many posts a VRT is made of.
 
     Parameters
     ----------
     path : that the user named
     inner, dataset : the VRT that is looked at, the same or one in it
+
+    Raises
+    ------
+    InputError
+        When a part would be refused by itself, or lies on a network.
     """
+    held = 0
     if not deep:
         raise InputError(path, "a VRT of VRTs of VRTs", "name the innermost ones")
     vrt.refuse_remote(path, inner.read_text(errors="replace"))
@@ -118,9 +135,11 @@ def require_local_parts(
         vrt.refuse_remote(path, name)
         with quiet_open(name, driver_of(Path(name)), path) as part:
             if part.driver == "VRT":
-                require_local_parts(path, Path(name), part, deep - 1)
+                held += posts_of_parts(path, Path(name), part, deep - 1)
             else:
                 require_small_blocks(path, part)
+                held += part.width * part.height
+    return held
 
 
 def require_small_blocks(path: Path, dataset: rasterio.DatasetReader) -> None:

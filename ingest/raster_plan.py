@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rasterio import DatasetReader
 
-from ingest.datum import datum_of, unit_m
+from ingest.datum import datum_in, datum_of, unit_m
 from ingest.dem import describe
 from ingest.geoid import ZeroSurface
 from ingest.journal import stamp
@@ -92,10 +92,12 @@ def meaning(path: Path, dataset: DatasetReader, options: RasterOptions) -> Sourc
     wkt = options.crs or (dataset.crs.to_wkt() if dataset.crs else None)
     datum = datum_of(path, options.datum, wkt)
     metres = unit_m(path, options.datum, wkt, dataset.units[0], options.units)
+    file_says = datum_in(dataset.crs.to_wkt()) if dataset.crs else None
     whole = np.issubdtype(np.dtype(dataset.dtypes[0]), np.integer)
     return {
         "datum": datum,
         "datum_from": "stated" if options.datum else "file",
+        "datum_in_file": file_says,
         "unit_m": metres,
         "vertical_step_m": abs(dataset.scales[0]) * metres if whole else 0.0,
     }
@@ -128,8 +130,10 @@ def said_of(source: Source) -> Source:
     else:
         text = f"{datum}: heights are {low_m} to {high_m} m above what the ellipsoid gives"
     text += ", as stated" if source["datum_from"] == "stated" else ", as the file says"
+    if source.get("datum_in_file") not in {None, datum}:
+        text += f" (the file says {source['datum_in_file']})"
     if source["unit_m"] != 1.0:
-        text += f"; its unit is {source['unit_m']:.6g} m"
+        text += f"; heights in units of {source['unit_m']:.6g} m"
     if source["bands"] > 1:
         text += f"; the first of its {source['bands']} bands"
     return {**about, "geoid_m": [low_m, high_m], "datum_here": text}

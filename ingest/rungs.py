@@ -25,7 +25,7 @@ LEAST = 2.0
 """A rung's error is at least so many times the leaf's."""
 FEW = 0.2
 """Where the second rung has fewer of a leaf's triangles, there is one between the two."""
-FEWEST = 256
+FEWEST = 32
 """A cell of fewer triangles has no rungs."""
 SAVES = 0.7
 """A rung has at most this share of the triangles of the next finer one."""
@@ -37,7 +37,7 @@ near by, for a twelfth more bytes of a leaf and 3 % more time."""
 INNER_GOAL = math.sqrt(2)
 """Goal of an inner cell, in its own bounds: half way to its parent's"""
 INNER_SAVES = 0.9
-"""`SAVES` of an inner cell, whose rung adds no vertices"""
+"""`SAVES` of an inner cell, whose rung adds few vertices"""
 ROUNDS = 4
 
 
@@ -54,8 +54,7 @@ def laddered(
     """Mesh a leaf as `fitted` does, and its rungs on the way.
 
     Errors to reach are the parent's bound, or what is left of it on gentle ground, and
-    half of that: the bound of an inner cell of the leaf's size. A rough leaf, which takes
-    most posts, starts again after its rungs: it has no use for places between posts.
+    half of that: the bound of an inner cell of the leaf's size.
 
     Returns
     -------
@@ -75,8 +74,7 @@ def laddered(
         made.append(Rung(*fitting.roughly(goal_m, ROUNDS)))
         if len(made) == 2 and not rough and len(made[1].surface.triangles) < FEW * posts:
             goals_m.append(math.sqrt(goal_m * bound_m))
-    begun = None if rough else fitting
-    whole, error_m = fitted(cell, places, bound_m, truths, leaf=True, begun=begun)
+    whole, error_m = fitted(cell, places, bound_m, truths, leaf=True, begun=fitting)
     return whole, error_m, _kept(made, len(whole.triangles), error_m, SAVES)
 
 

@@ -80,6 +80,9 @@ def ingest_rasters(
         paths = {name: [source["path"]] for name, source in new.items()}
         report["warnings"] = replaced(named, paths)
         report |= change(journal, after, changed, workers, progress, clock)
+        for about in report["sources"]:
+            one = new[about["name"]]
+            about |= {key: one[key] for key in ("reach_m", "meets") if key in one}
         report |= clock.report(report["read"])
         if writer.object_count():
             # Buildings stand on the old terrain still: who comes back, goes on there.
@@ -192,7 +195,7 @@ def change(
     mosaic = Mosaic(writer.connection, after)
     for layer in mosaic.layers:
         source = next(one for one in after if one["name"] == layer.name)
-        source["reach_m"] = mosaic.reach_m(layer)
+        source["reach_m"], source["meets"] = mosaic.reach_m(layer), mosaic.meets(layer)
     boxes = affected([*old, *filter(_is_terrain, after)], changed)
     recipe = Recipe(str(writer.path), after, mosaic.rims, boxes)
     clock.lap("rims")

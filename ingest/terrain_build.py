@@ -1,15 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Make the terrain tiles that changed sources touch, in several processes."""
 
-import multiprocessing
 import os
-import signal
-from collections.abc import Generator, Iterable, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
 from dataclasses import dataclass, replace
-from itertools import islice
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -26,9 +20,8 @@ from ingest.progress import Progress
 from ingest.raster_plan import Source
 from ingest.terrain_plan import Plan
 from ingest.terrain_pyramid import Made, Part, ZoneBuilder
-from ingest.workers import die_with_parent
+from ingest.workers import Workers
 from tiles import cells, zones
-from tiles.errors import InputError, interrupts_held
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.raster_blocks import BlockCache
@@ -54,7 +47,6 @@ class Recipe:
 class Job:
     """One subtree to make, as it is sent to a worker."""
 
-    recipe: Recipe
     cell: int
     old: NDArray[np.void]
 
@@ -117,12 +109,15 @@ def rebuild(
     zone_of = cells.ancestor(old["cell"], np.zeros(len(old), np.int64))
     roots = [int(cells.make(zone, 0, 0, 0)) for zone in range(zones.COUNT)]
     todo = [r for r in roots if r not in zone_of or touches(r, recipe.changed)]
-    plan = Plan(*layers_of(writer, recipe))
+    terrain, pictures = layers_of(writer, recipe)
+    plan, builder = Plan(terrain, pictures), ZoneBuilder(terrain, pictures, recipe.changed)
     parts = {root: plan.cut(root, PART_LEAVES) for root in todo}
-    made = make_parts(journal, recipe, parts, old, workers, progress)
+    sizes = {one: plan.tiles(one) for cut in parts.values() for one in cut}
+    with crew_of(recipe, workers, builder, len(sizes)) as crew:
+        made = make_parts(journal, recipe, sizes, old, crew, progress)
     clock.lap("mesh")
     above = [
-        make_above(writer, recipe, root, [made[one].part for one in cut], old)
+        make_above(builder, root, [made[one] for one in cut], old)
         for root, cut in parts.items()
         if cut != [root]
     ]
@@ -139,31 +134,43 @@ def rebuild(
     return {"tiles": len(index), "tiles_made": new, "tiles_taken_over": taken}
 
 
+def crew_of(recipe: Recipe, workers: int, own: ZoneBuilder, jobs: int) -> Workers:
+    """Return who makes parts: several processes, or for want of work this one alone."""
+    count = max(min(workers or os.cpu_count() or 1, jobs), 1)
+    equip = partial(builder_of, recipe) if count > 1 else lambda: own
+    return Workers(count, recipe.path, equip)
+
+
 def make_parts(
     journal: Journal,
     recipe: Recipe,
-    parts: dict[int, list[int]],
+    sizes: dict[int, int],
     old: NDArray[np.void],
-    workers: int,
+    crew: Workers,
     progress: Progress,
 ) -> dict[int, MadePart]:
-    """Make the parts of zones that no interrupted ingest has made; store what comes."""
-    wanted = sorted((one for cut in parts.values() for one in cut), key=cells.level)
-    start = f"part {name_of(recipe, wanted)} "
+    """Make the parts of zones that no interrupted ingest has made; store what comes.
+
+    Parameters
+    ----------
+    sizes : tiles of each part, about
+    """
+    start = f"part {name_of(recipe, sorted(sizes))} "
     said = journal.writer.noted(start)
     made = {int(cell): MadePart.noted(body) for cell, body in said.items()}
     made = {cell: replace(one, taken=True) for cell, one in made.items()}
-    jobs = [Job(recipe, cell, around(old, cell)) for cell in wanted if cell not in made]
-    tiles = sum(len(one.records) for one in made.values())
-    with journal.undisturbed(), closing(run(jobs, workers)) as finished:
-        for one in finished:
+    # The largest first, so that all processes end together; neighbours share blocks.
+    wanted = sorted(sizes.keys() - made, key=lambda one: (-sizes[one].bit_length(), one))
+    jobs = [Job(cell, around(old, cell)) for cell in wanted]
+    total, done = sum(sizes.values()), sum(sizes[cell] for cell in made)
+    progress(done, total, "meshing terrain")
+    with journal.undisturbed():
+        for one in crew.run(make_part, jobs, in_order=False):
             with journal.step():
                 cell = one.part.cell
                 made[cell] = one.stored(journal.writer, f"{start}{cell}")
-            tiles += len(one.records)
-            # How many there will be is known by what there is so far.
-            expected = round(tiles * len(wanted) / len(made))
-            progress(tiles, max(tiles, expected), "meshing terrain")
+            done += sizes[cell]
+            progress(done, total, "meshing terrain")
     return made
 
 
@@ -183,72 +190,28 @@ def around(old: NDArray[np.void], cell: int) -> NDArray[np.void]:
 
 
 def make_above(
-    writer: Writer, recipe: Recipe, root: int, parts: list[Part], old: NDArray[np.void]
+    builder: ZoneBuilder, root: int, made: list[MadePart], old: NDArray[np.void]
 ) -> MadePart:
     """Make the cells of a zone above its parts."""
+    parts = [one.part for one in made]
     deepest = max(int(cells.level(part.cell)) for part in parts)
     near = around(old, root)
     near = near[cells.level(near["cell"]) < deepest]
-    builder = builder_of(writer, recipe, {int(one["cell"]): one for one in near})
-    return MadePart.of(list(builder.build(root, parts)), parts[0])
+    near_of = {int(one["cell"]): one for one in near}
+    below = np.concatenate([one.records for one in made])
+    return MadePart.of(builder.build(root, parts, near_of, below), parts[0])
 
 
-def run(jobs: list[Job], workers: int) -> Generator[MadePart]:
-    """Make subtrees here or in several processes; results come as they are done.
-
-    No more than two jobs for each process are on their way, so that neither they nor
-    their results pile up. However this ends, no process is left behind.
-    """
-    count = min(workers or os.cpu_count() or 1, len(jobs))
-    if count <= 1:
-        yield from map(make_part, jobs)
-        return
-    strangers = set(multiprocessing.active_children())
-    spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, spawn, initializer=die_with_parent)
-    left = iter(jobs)
-    try:
-        pending = submitted(pool, islice(left, 2 * count))
-        while pending:
-            done, pending = wait(pending, return_when=FIRST_COMPLETED)
-            pending |= submitted(pool, islice(left, len(done)))
-            while done:
-                yield done.pop().result()
-    except BrokenProcessPool as error:
-        raise InputError(
-            jobs[0].recipe.path, "a worker process died", "run again with more memory"
-        ) from error
-    except BaseException:
-        for worker in set(multiprocessing.active_children()) - strangers:
-            worker.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def submitted(pool: ProcessPoolExecutor, jobs: Iterable[Job]) -> set[Future[MadePart]]:
-    """Start the workers, deaf to Ctrl-C: the parent hears it and ends them."""
-    with interrupts_held():
-        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            return {pool.submit(make_part, job) for job in jobs}
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
-
-
-def make_part(job: Job) -> MadePart:
+def make_part(job: Job, builder: ZoneBuilder) -> MadePart:
     """Make one subtree: its index records, and the bodies of those whose `row` is 0."""
     old = {int(record["cell"]): record for record in job.old}
-    with Store(job.recipe.path) as store:
-        return MadePart.of(*builder_of(store, job.recipe, old).build_part(job.cell))
+    return MadePart.of(*builder.build_part(job.cell, old))
 
 
-def builder_of(
-    store: Store, recipe: Recipe, old: Mapping[int, NDArray[np.void]]
-) -> ZoneBuilder:
-    """Return what makes a recipe's tiles; `old` are the records that may stay."""
-    terrain, pictures = layers_of(store, recipe)
-    return ZoneBuilder(terrain, pictures, recipe.changed, old)
+def builder_of(recipe: Recipe) -> ZoneBuilder:
+    """Return what makes a recipe's tiles, in a worker; its store is open to its end."""
+    terrain, pictures = layers_of(Store(recipe.path), recipe)
+    return ZoneBuilder(terrain, pictures, recipe.changed)
 
 
 def layers_of(store: Store, recipe: Recipe) -> tuple[Mosaic, list[Layer]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ingest.boxes import edges_rad
 from ingest.closing import Under
+from ingest.removal import Holes
 from ingest.triangulation import Triangulation
 from tiles import geodesy
 from tiles.frames import Ecef, Floats, Local
@@ -189,7 +190,7 @@ class Meshing:
         """
         to_map = np.ascontiguousarray(on_map(self._cell, CORNER_STEPS, self._lean).T)
         offset = np.asarray(origin - self._centre)
-        under = Under(posts, grid, offset, to_map, not grid[:, 3:].any())
+        under = Under(posts, grid, offset, to_map)
         # Most of what rounding moves a vertex by is along its triangles.
         goal_m = max(bound_m - self._rounding_m / 2, 0.0)
         return goal_m + self._rounding_m if self._net.close(goal_m, under) else np.inf
@@ -207,6 +208,16 @@ class Meshing:
         """
         flat = on_map(self._cell, at, self._lean)
         return self._net.add(at, flat, points - self._centre, near)
+
+    def lift(self, bound_m: float) -> Holes | None:
+        """Take out vertices that no place minds by more than a bound, until `settle`."""
+        return self._net.lift(max(bound_m - self._rounding_m, 0.0))
+
+    def settle(
+        self, holes: Holes, bad: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Put back what was in holes with a bad triangle; see `Triangulation`."""
+        return self._net.settle(holes, bad)
 
     def surface(self) -> Surface:
         """Return the mesh as it is now."""

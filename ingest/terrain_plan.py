@@ -32,6 +32,10 @@ class Plan:
                 found.append(cell)
         return found
 
+    def tiles(self, cell: int) -> int:
+        """Estimate the tiles of a subtree, at least one."""
+        return max(round(4 / 3 * self._leaves(cell)), 1)
+
     def _leaves(self, cell: int) -> float:
         """Estimate the leaves under a cell from the areas and spacings of the sources."""
         west, south, east, north = edges_rad(cell)

@@ -3,34 +3,35 @@
 
 A leaf is meshed on its source's own posts. Inside a subtree an inner cell is meshed from
 the vertices of its children, and held to its bound at every post below it. The few large
-cells above the subtrees are meshed on a lattice of their own and measured at every post
-of every subtree. So each tile's error is its largest distance from the finest data, and
-grows monotonically upwards.
+cells above the subtrees are meshed on a lattice of their own, measured at every post of
+every subtree, and mended where it missed a summit (ingest/large_cell.py). So each tile's
+error is its largest distance from the finest data, and grows monotonically upwards.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import Box, touches, window_in
-from ingest.deviation import Gaps
+from ingest.boxes import Box, touches
+from ingest.large_cell import Miss, Watched, mended, meshing_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.rungs import Rung, joined_mesh, laddered, laddered_inner
-from ingest.terrain_mesh import Places, Surface, build_surface
+from ingest.stored_tile import rounded_up, stored_surface
+from ingest.terrain_mesh import Places, Surface
 from ingest.terrain_plan import Plan
 from ingest.terrain_tile import (
     LEAF_SIDE,
     inner_bound_m,
     joined,
-    lattice_of,
     painted,
     step_m,
 )
 from ingest.truth import Truth, places_of, truth_of
-from tiles import bounds, cells, terrain
+from tiles import bounds, cells
 from tiles.codec import checksum
 from tiles.index_tree import INDEX, RUNG_FIELDS
 from tiles.lanes import Lane
@@ -41,6 +42,8 @@ FLAT_TRIANGLES = 200
 """Four leaves that need no more than this together become one."""
 FLAT_TEXELS = 2.0
 """... as long as a texel is no larger than this many posts"""
+MOST_LARGE = 64
+"""Surfaces above the parts that are kept from part to part"""
 
 
 @dataclass(slots=True)
@@ -78,39 +81,72 @@ class Part:
     high_m: float
     above: dict[int, float]
     """Largest distance of each ancestor's surface from the subtree's posts"""
+    misses: dict[int, list[Miss]] = field(default_factory=dict)
+    """Where an ancestor's surface is beyond its bound"""
 
 
 class ZoneBuilder:
     """Makes the tiles of one zone, at once or in parts."""
 
-    def __init__(
+    def __init__(self, mosaic: Mosaic, pictures: list[Layer], changed: list[Box]) -> None:
+        self._mosaic, self._pictures, self._changed = mosaic, pictures, changed
+        self._meshed = lru_cache(MOST_LARGE)(self._mesh_large)
+
+    def build(
         self,
-        mosaic: Mosaic,
-        pictures: list[Layer],
-        changed: list[Box],
+        root: int,
+        parts: Iterable[Part],
         old: Mapping[int, NDArray[np.void]],
-    ) -> None:
-        self._mosaic, self._pictures = mosaic, pictures
-        self._plan = Plan(mosaic, pictures)
-        self._changed, self._old = changed, old
-        self._above: list[Node] = []
-        self._made: list[Made] = []
+        below: NDArray[np.void],
+    ) -> list[Made]:
+        """Make every cell of a zone that lies above the parts that cover it.
 
-    def build(self, root: int, parts: Iterable[Part]) -> list[Made]:
-        """Make every cell of a zone that lies above the parts that cover it."""
-        self._made = []
+        Parameters
+        ----------
+        old : index records of cells around, which stay where nothing changed
+        below : index records of the cells in the parts
+        """
+        self._begin(old)
+        self._below = below
         self._finish(self._over({part.cell: part for part in parts}, root))
-        return self._made
+        return self._bounded()
 
-    def build_part(self, cell: int) -> tuple[list[Made], Part]:
+    def build_part(
+        self, cell: int, old: Mapping[int, NDArray[np.void]]
+    ) -> tuple[list[Made], Part]:
         """Make one subtree, and measure the surfaces above it at its posts."""
+        self._begin(old)
         depth = int(cells.level(cell))
         above = [int(cells.ancestor(cell, level)) for level in range(depth)]
-        self._made, self._above = [], [self._large(one) for one in above]
-        top = self._visit(cell, posts=any(node.surface for node in self._above))
+        self._above += [
+            Watched(self._meshed(one), inner_bound_m(one))
+            for one in above
+            if not self._stays(one)
+        ]
+        top = self._visit(cell, posts=bool(self._above))
         self._finish(top)
-        errors = {node.cell: node.error_m for node in self._above}
-        return self._made, Part(cell, top.error_m, top.low_m, top.high_m, errors)
+        errors = {one.surface.cell: one.error_m for one in self._above}
+        misses = {one.surface.cell: list(one.misses.values()) for one in self._above}
+        return self._bounded(), Part(
+            cell, top.error_m, top.low_m, top.high_m, errors, misses
+        )
+
+    def _begin(self, old: Mapping[int, NDArray[np.void]]) -> None:
+        self._plan = Plan(self._mosaic, self._pictures)
+        self._old = old
+        self._above: list[Watched] = []
+        self._made: list[Made] = []
+        self._spans: list[tuple[NDArray[np.void], float, float]] = []
+
+    def _bounded(self) -> list[Made]:
+        """Return what was made, with the spheres of all tiles found at once."""
+        if self._spans:
+            records, low_m, high_m = zip(*self._spans, strict=True)
+            made = np.array([int(one["cell"][0]) for one in records])
+            spheres = bounds.sphere_of(made, np.array(low_m), np.array(high_m))
+            for record, centre, radius_m in zip(records, *spheres, strict=True):
+                record["centre"], record["radius_m"] = centre, radius_m
+        return self._made
 
     def _stays(self, cell: int) -> bool:
         return cell in self._old and not touches(cell, self._changed)
@@ -119,8 +155,10 @@ class ZoneBuilder:
         """Mesh a cell above the parts, unless its stored tile stays."""
         if self._stays(cell):
             return Node(cell)
-        places = lattice_of(self._mosaic, cell)
-        return Node(cell, build_surface(cell, places, 0.8 * inner_bound_m(cell)))
+        return Node(cell, self._meshed(cell))
+
+    def _mesh_large(self, cell: int) -> Surface:
+        return meshing_of(self._mosaic, cell).surface()
 
     def _over(self, parts: Mapping[int, Part], cell: int) -> Node:
         """Put a cell above the parts together from what they say about it."""
@@ -129,7 +167,12 @@ class ZoneBuilder:
             return Node(cell, None, part.error_m, part.low_m, part.high_m)
         node = self._large(cell)
         below = [part for part in parts.values() if cells.contains(cell, part.cell)]
-        node.error_m = max(part.above[cell] for part in below)
+        if node.surface:
+            node.error_m = max(part.above[cell] for part in below)
+            misses = [miss for part in below for miss in part.misses.get(cell, [])]
+            if misses:
+                parts_of = self._mosaic, self._plan, self._below
+                node.surface, node.error_m = mended(cell, misses, *parts_of)
         for child in cells.children(cell):
             node.children.append(self._over(parts, int(child)))
             if int(child) not in parts:
@@ -153,7 +196,11 @@ class ZoneBuilder:
             node.children.append(self._visit(int(child), posts=True))
             node.truths += node.children[-1].truths
         surfaces = [
-            (one.cell, one.surface or self._stored(one.cell)) for one in node.children
+            (
+                one.cell,
+                one.surface or stored_surface(self._mosaic.connection, self._old[one.cell]),
+            )
+            for one in node.children
         ]
         places = joined(cell, surfaces, inner_bound_m(cell))
         if self._is_flat(node):
@@ -185,14 +232,8 @@ class ZoneBuilder:
     def _measured(self, leaf: int) -> Truth:
         """Find what a leaf stands for, and measure the surfaces above the part with it."""
         truth = truth_of(self._mosaic, leaf, LEAF_SIDE)
-        for node in self._above:
-            if node.surface:
-                window = window_in(node.cell, leaf)
-                count = len(node.surface.triangles)
-                far_m = np.full(count, node.error_m)  # shorter distances do not matter
-                gaps = Gaps(far_m, np.zeros((count, 2)), np.zeros(count, np.int64))
-                gaps.add(node.surface, window, truth)
-                node.error_m = gaps.largest_m
+        for one in self._above:
+            one.hold(truth)
         return truth
 
     def _leaf(self, node: Node, places: Places) -> Node:
@@ -215,30 +256,6 @@ class ZoneBuilder:
             (layer.spacing_m for layer in self._plan.held(node.cell)), default=0.0
         )
         return step_m(node.cell, TEXTURE_SIDE) <= FLAT_TEXELS * finest_m
-
-    def _stored(self, cell: int) -> Surface:
-        """Read a stored tile's surface."""
-        row = int(self._old[cell]["row"])
-        ask = "SELECT body FROM tile WHERE row=?"
-        body = self._mosaic.connection.execute(ask, (row,)).fetchone()[0]
-        tile = terrain.decode(body)
-        triangles = tile.surface()
-        count = int(triangles.max()) + 1
-        at = tile.mesh.vertices["detail"][:count].astype(np.int64)
-        steps = tile.mesh.vertices["position"][:count]
-        return Surface(
-            cell,
-            tile.mesh.centre,
-            steps,
-            tile.mesh.scale_m,
-            at,
-            triangles.astype(np.int64),
-            np.zeros((0, 2), np.int64),
-            np.arange(count),
-            np.full(count, np.inf),
-            np.full(triangles.shape, -1),
-            np.ones(len(triangles), np.bool_),
-        )
 
     def _finish(self, node: Node) -> None:
         """Append a cell's record and body."""
@@ -269,8 +286,8 @@ class ZoneBuilder:
         # Between posts a triangle cuts through the planet, by no more than the error.
         most_m = float(max([node.error_m, *rungs["error_m"]]))
         low_m, high_m = node.low_m - most_m, node.high_m + node.error_m
-        centre, radius_m = bounds.sphere_of(node.cell, low_m, high_m)
-        record["cell"], record["centre"], record["radius_m"] = node.cell, centre, radius_m
+        self._spans.append((record, low_m, high_m))
+        record["cell"] = node.cell
         record["min_height_m"], record["max_height_m"] = low_m, high_m
         record["error_m"], record["texel_m"] = node.error_m, tile.texel_m
         for name, rung in zip(RUNG_FIELDS, rungs, strict=False):
@@ -280,10 +297,3 @@ class ZoneBuilder:
         record["check"] = checksum(Lane.TERRAIN, node.cell, body)
         record["memory_bytes"] = tile.mesh.gpu_bytes + tile.texture.nbytes
         return Made(record, body)
-
-
-def rounded_up(error_m: float) -> float:
-    """Return the next float32, as which it is stored: an error never gets smaller."""
-    stored = np.float32(error_m)
-    above = np.nextafter(stored, np.float32(np.inf))
-    return float(stored if stored >= error_m else above)

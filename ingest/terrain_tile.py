@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ingest import bc1
 from ingest.boxes import Box, edge_m, edges_rad, overlap, window_in
-from ingest.coast import coast_of
+from ingest.coast import coast_of, fine_beside
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.relief import slopes_of
@@ -111,6 +111,7 @@ def painted(
     heights, zero = found.reshape(lon.shape), sea.reshape(lon.shape)
     elevation = heights - zero
     slopes = slopes_of(mosaic, lon, lat, heights, (step, step_m(cell, TEXTURE_SIDE)))
-    inner, knows = coast_of(cell, held, (lon, lat, zero, elevation), step)
+    places, beside = (lon, lat, zero, elevation), fine_beside(mosaic, cell)
+    inner, knows = coast_of(cell, held, places, step, beside)
     texture = bc1.encode(colours(cell, slopes, inner, pictures, knows))
     return texture, texel_m_of(cell, elevation, held, pictures)

@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 
 from ingest.closing import Under, close
 from ingest.delaunay import Ints, Net
-from ingest.greedy import ALWAYS, CORNERS, Lists, begin, place, refine
+from ingest.greedy import ALWAYS, Lists, begin, over, refine
+from ingest.removal import UNKNOWN, Holes, lift, settle
+from ingest.thinning import thin
+from ingest.upright import ground_of, high_of, highs
 from tiles.frames import Floats
-from tiles.kernels import kernel
-from tiles.mesh import UV_ONE
+from tiles.kernels import inlined, kernel
 
-SPARE = 1024
-"""Points that may be added later, besides half as many again"""
+SPARE, MOST_SPARE = 1024, 16_384
+"""Points that may be added later: half as many again and so many, or twice as many"""
 
 
 class Triangulation:
@@ -24,7 +26,7 @@ class Triangulation:
         self, at: Ints, flat: Floats, points: Floats, middle: Floats | None = None
     ) -> None:
         """Take places and points as `Net` has them, no two places alike, corners first."""
-        room = len(at) + len(at) // 2 + SPARE
+        room = len(at) + max(len(at) // 2 + SPARE, min(2 * len(at), MOST_SPARE))
         self._size = len(at)
         self._net = Net(
             _roomy(at, room),
@@ -32,9 +34,11 @@ class Triangulation:
             _roomy(points, room),
             np.zeros(room, np.bool_),
             np.zeros(3) if middle is None else middle,
+            np.zeros(room),
             np.zeros((2 * room, 3), np.int64),
             np.full(6 * room, -1, np.int64),
         )
+        self._net.high_m[: len(at)] = highs(points, self._net.middle)
         self._lists = Lists(
             np.full(2 * room, -1),
             np.full(room, -1),
@@ -46,7 +50,7 @@ class Triangulation:
             np.ones(2 * room, np.bool_),
         )
         self._lists.after[: len(at) - 1] = np.arange(1, len(at))
-        self._ids = self._keys = np.zeros(0, np.int64)
+        self._losses, self._losses_m = np.zeros(0), -1.0
         self._count = begin(self._net, self._lists, len(at))
 
     def refine(self, bound_m: float) -> None:
@@ -54,9 +58,15 @@ class Triangulation:
         self._count = refine(self._net, self._lists, self._count, bound_m * bound_m)
 
     def close(self, bound_m: float, under: Under) -> bool:
-        """Do the same between points too; says whether the bound is kept there."""
-        parts = self._net, self._lists, under, self._count, self._size
+        """Do the same between points too, and take out what is not needed then.
+
+        Says whether the bound is kept between points.
+        """
+        net, lists, middle = self._net, self._lists, self._net.middle
+        ground = ground_of(under.posts, under.offset, under.grid, middle)
+        parts = net, lists, under, ground, self._count, self._size
         self._count, self._size, kept = close(*parts, bound_m * bound_m)
+        self._count = thin(net, lists, ground, self._count, self._size, bound_m)
         return kept
 
     def refine_wholly(self) -> None:
@@ -71,30 +81,36 @@ class Triangulation:
         near : (n,) triangles, as `result` lists them, that they probably lie over;
             they are looked for from there
         """
-        if len(self._ids) != self._size:
-            known = _key(self._net.at[: self._size])
-            self._ids = np.argsort(known)
-            self._keys = known[self._ids]
-        keys, first = np.unique(_key(at), return_index=True)
-        place_of = np.searchsorted(self._keys, keys)
-        same = self._ids[np.minimum(place_of, self._size - 1)]
-        old = _key(self._net.at[same]) == keys
-        fresh, end = first[~old], self._size + int((~old).sum())
-        if end > len(self._net.at):
-            return False
-        for held, more in zip(self._net[:3], (at, flat, points), strict=True):
-            held[self._size : end] = more[fresh]
-        new = np.arange(self._size, end)
-        self._keys = np.insert(self._keys, place_of[~old], keys[~old])
-        self._ids = np.insert(self._ids, place_of[~old], new)
-        ids = np.concatenate([same[old], new])
         start = np.zeros(len(at), np.int64) if near is None else near
-        start = start[np.concatenate([first[old], fresh])]
-        todo = np.isinf(self._lists.weight[ids]) & (ids >= CORNERS)
-        self._net.must[ids[todo]] = True
-        place(self._net, self._lists, ids[todo], self._size, start[todo])
-        self._size = end
-        return True
+        new = at, flat, points, start
+        self._size, fits = _add(self._net, self._lists, self._size, *new)
+        return fits
+
+    def lift(self, bound_m: float) -> Holes | None:
+        """Take out vertices that no point minds by more than a bound, until `settle`."""
+        if bound_m != self._losses_m:
+            self._losses, self._losses_m = np.full(len(self._net.at), UNKNOWN), bound_m
+        parts = self._net, self._lists, self._count, self._size
+        holes = lift(*parts, bound_m * bound_m, self._losses[: self._size])
+        return holes if len(holes.vertex) else None
+
+    def settle(
+        self, holes: Holes, bad: NDArray[np.bool_]
+    ) -> tuple[Ints, NDArray[np.bool_]]:
+        """Put back what was in holes with a bad triangle.
+
+        Parameters
+        ----------
+        bad : (t,) triangles, as `result` lists them
+
+        Returns
+        -------
+        order : the numbers that the triangles had in that list
+        back : (t,) those of the list that were put back
+        """
+        parts = self._net, self._lists, holes, self._count
+        self._count, order, back = settle(*parts, bad)
+        return order, back
 
     @property
     def size(self) -> int:
@@ -158,11 +174,40 @@ class Triangles(NamedTuple):
     """(t,) triangles that are not the same as in the result before"""
 
 
+@kernel
+def _add(
+    net: Net, lists: Lists, size: int, at: Ints, flat: Floats, points: Floats, near: Ints
+) -> tuple[int, bool]:
+    """Make points the next to be inserted; returns how many there are, and if all fit."""
+    if size + len(at) > len(net.at):
+        return size, False
+    for i in range(len(at)):
+        net.at[size], net.flat[size], net.points[size] = at[i], flat[i], points[i]
+        net.high_m[size] = high_of(net.points, size, net.middle)
+        t = over(net, near[i], size)
+        q, is_vertex = lists.head[t], False
+        for k in range(3):
+            is_vertex = is_vertex or _is_same(net.at, net.corner[t, k], size)
+        while q >= 0 and not _is_same(net.at, q, size):
+            q = lists.after[q]
+        if is_vertex:
+            continue
+        if q < 0:
+            q = size
+            lists.after[q] = lists.head[t]
+            lists.head[t] = q
+            size += 1
+        net.must[q] = True
+        lists.candidate[t], lists.worst[t] = q, ALWAYS
+    return size, True
+
+
+@inlined
+def _is_same(at: Ints, p: int, q: int) -> bool:
+    return bool(at[p, 0] == at[q, 0] and at[p, 1] == at[q, 1])
+
+
 def _roomy(values: NDArray[Any], room: int) -> NDArray[Any]:
     held = np.zeros((room, *values.shape[1:]), values.dtype)
     held[: len(values)] = values
     return held
-
-
-def _key(at: Ints) -> Ints:
-    return at[:, 0] * (2 * UV_ONE) + at[:, 1]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, grown, overlap
 from ingest.filled import filled, missed_of
+from ingest.lattice_gap import missed_between
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.posts import column_row, point_at
@@ -187,19 +188,23 @@ def _misfit_posts(layer: Layer, fit: Floats, first: tuple[int, int], cell: int) 
 
 def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
     """Sample a cell on a lattice that misses little; between its posts to know how much."""
+
+    def surface(lon: Floats, lat: Floats) -> Floats:
+        return mosaic.heights(lon, lat, 0.0)
+
     side = OWN_LATTICE
-    while True:
-        lon, lat = _grid_places(cell, side)
-        heights = mosaic.heights(lon.ravel(), lat.ravel(), 0.0).reshape(lon.shape)
-        middle = tuple((a[:-1, :-1] + a[1:, 1:]) / 2 for a in (lon, lat))
-        between = mosaic.heights(middle[0].ravel(), middle[1].ravel(), 0.0)
-        missed = (
-            between.reshape(middle[0].shape) - (heights[:-1, :-1] + heights[1:, 1:]) / 2
-        )
-        missed_m = float(np.abs(missed).max())
-        if missed_m <= edge_m(cell) * MOST_MISSED or side == FINEST_LATTICE:
+    lon, lat = _grid_places(cell, side)
+    heights = surface(lon.ravel(), lat.ravel()).reshape(lon.shape)
+    most_m = edge_m(cell) * MOST_MISSED
+    while (missed_m := missed_between(surface, lon, lat, heights)) > most_m:
+        if side == FINEST_LATTICE:
             break
         side *= 2
+        lon, lat = _grid_places(cell, side)
+        known, heights = heights, np.full(lon.shape, np.nan)
+        heights[::2, ::2] = known
+        new = np.isnan(heights)
+        heights[new] = surface(lon[new], lat[new])
     slack_m = missed_m + bulge_m(edge_m(cell) / side)
     grid = np.zeros((2, 6))
     grid[0, 1] = grid[1, 2] = side

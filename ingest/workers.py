@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work in several processes, in order and bounded; no process is left behind."""
+"""Work in several processes, bounded; no process is left behind."""
 
 import ctypes
 import multiprocessing
@@ -8,8 +8,9 @@ import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from functools import cache
 from itertools import islice
 from typing import Any, Self, TypeVar
 
@@ -27,15 +28,26 @@ class Workers:
     Thread: the one that made it.
     """
 
-    def __init__(self, count: int, subject: str) -> None:
-        """Take the number of processes, 0 for one per core, and what they work on."""
+    def __init__(
+        self, count: int, subject: str, equip: Callable[[], Any] | None = None
+    ) -> None:
+        """Take what to start.
+
+        Parameters
+        ----------
+        count : processes, 0 for one per core
+        subject : what they work on
+        equip : makes what every job of a process is given besides; called once in each
+        """
         self.count = count or os.cpu_count() or 1
-        self._subject = subject
+        self._subject, self._equip = subject, equip
         self._pool: ProcessPoolExecutor | None = None
         self._strangers = set(multiprocessing.active_children())
 
-    def run(self, work: Callable[[J], R], jobs: Iterable[J]) -> Generator[R]:
-        """Do jobs and yield their results in the same order.
+    def run(
+        self, work: Callable[..., R], jobs: Iterable[J], *, in_order: bool = True
+    ) -> Generator[R]:
+        """Do jobs and yield their results, in the same order or as they come.
 
         Raises
         ------
@@ -44,12 +56,15 @@ class Workers:
         """
         left = iter(jobs)
         if self.count <= 1:
-            yield from map(work, left)
+            tools = self._equip and cache(self._equip)
+            yield from (_done(work, job, tools) for job in left)
             return
         try:
             pending = deque(self._submitted(work, islice(left, AHEAD * self.count)))
             while pending:
-                done = pending.popleft().result()
+                one = pending[0] if in_order else _first_done(pending)
+                done = one.result()
+                pending.remove(one)
                 pending.extend(self._submitted(work, islice(left, 1)))
                 yield done
         except BrokenProcessPool as error:
@@ -57,18 +72,18 @@ class Workers:
                 self._subject, "a worker process died", "run again with more memory"
             ) from error
 
-    def _submitted(self, work: Callable[[J], R], jobs: Iterable[J]) -> list[Future[R]]:
+    def _submitted(self, work: Callable[..., R], jobs: Iterable[J]) -> list[Future[R]]:
         """Start the workers, deaf to Ctrl-C: the parent hears it and ends them."""
         ready = list(jobs)
         with interrupts_held():
             if self._pool is None:
                 spawn = multiprocessing.get_context("spawn")
                 self._pool = ProcessPoolExecutor(
-                    self.count, spawn, initializer=die_with_parent
+                    self.count, spawn, initializer=_begin, initargs=(self._equip,)
                 )
             heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
-                return [self._pool.submit(work, job) for job in ready]
+                return [self._pool.submit(_do, work, job) for job in ready]
             finally:
                 signal.pthread_sigmask(signal.SIG_SETMASK, heard)
 
@@ -82,6 +97,30 @@ class Workers:
             for worker in set(multiprocessing.active_children()) - self._strangers:
                 worker.terminate()
         self._pool.shutdown(cancel_futures=True)
+
+
+def _first_done(pending: Iterable[Future[R]]) -> Future[R]:
+    return next(iter(wait(pending, return_when=FIRST_COMPLETED).done))
+
+
+_Tools = Callable[[], Any] | None
+_kept: dict[str, _Tools] = {}
+"""Of a worker: makes its tools at first, and then returns them"""
+
+
+def _begin(equip: _Tools) -> None:
+    """Begin as a worker."""
+    die_with_parent()
+    _kept["tools"] = equip and cache(equip)
+
+
+def _do(work: Callable[..., R], job: J) -> R:
+    """Do a job in a worker."""
+    return _done(work, job, _kept["tools"])
+
+
+def _done(work: Callable[..., R], job: J, tools: _Tools) -> R:
+    return work(job, tools()) if tools else work(job)
 
 
 def die_with_parent() -> None:

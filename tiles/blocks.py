@@ -35,9 +35,14 @@ def morton(at: Ints) -> Ints:
     """Return Morton codes of (n, 2) numbers of ten bits."""
     code = np.zeros(len(at), np.int64)
     for i in range(len(at)):
-        for bit in range(BITS):
-            for axis in range(2):
-                code[i] |= (at[i, axis] >> bit & 1) << (2 * bit + axis)
+        for axis in range(2):
+            # Zeros come between the bits, half as many bits together each time.
+            spread = at[i, axis]
+            spread = (spread | spread << 8) & 0x00FF00FF
+            spread = (spread | spread << 4) & 0x0F0F0F0F
+            spread = (spread | spread << 2) & 0x33333333
+            spread = (spread | spread << 1) & 0x55555555
+            code[i] |= spread << axis
     return code
 
 
@@ -48,8 +53,14 @@ def axes_of(centre: Ecef) -> Floats:
     return np.stack([east, np.cross(up, east), up])
 
 
+def spots_of(vertices: NDArray[np.void], centre: Ecef) -> Floats:
+    """Return where a mesh's vertices, VERTEX, are from its centre, (v, 3) BOX_STEPS."""
+    assert vertices.dtype == VERTEX
+    return np.asarray(vertices["position"] @ axes_of(centre).T / BOX_STEPS)
+
+
 def in_blocks(
-    triangles: NDArray[np.uint16], vertices: NDArray[np.void], centre: Ecef
+    triangles: NDArray[np.uint16], vertices: NDArray[np.void], spots: Floats
 ) -> tuple[NDArray[np.uint16], NDArray[np.void]]:
     """Sort a surface's triangles into blocks.
 
@@ -57,27 +68,24 @@ def in_blocks(
     ----------
     triangles : (t, 3)
     vertices : (v,) VERTEX
-    centre : of the mesh
+    spots : (v, 3) of `spots_of`
 
     Returns
     -------
     triangles : (t, 3)
     blocks : (BLOCKS,) BLOCK
     """
-    assert vertices.dtype == VERTEX
-    spots = vertices["position"] @ axes_of(centre).T / BOX_STEPS
-    order, count, low, high = _sorted(triangles, vertices["detail"], spots)
+    ordered, count, low, high = _sorted(triangles, vertices["detail"], spots)
     blocks = np.zeros(BLOCKS, BLOCK)
-    blocks["count"], some = count, count > 0
-    blocks["low"][some] = np.floor(low[some])
-    blocks["high"][some] = np.ceil(high[some])
-    return triangles[order], blocks
+    low[count == 0] = high[count == 0] = 0.0
+    blocks["count"], blocks["low"], blocks["high"] = count, np.floor(low), np.ceil(high)
+    return ordered, blocks
 
 
 @kernel
 def _sorted(
     triangles: NDArray[np.uint16], uv: NDArray[np.uint16], spots: Floats
-) -> tuple[Ints, Ints, Floats, Floats]:
+) -> tuple[NDArray[np.uint16], Ints, Floats, Floats]:
     """Put triangles in order; count each block's, and find their least and largest spots.
 
     Parameters
@@ -100,4 +108,25 @@ def _sorted(
                 spot = spots[triangles[t, k], axis]
                 low[block, axis] = min(low[block, axis], spot)
                 high[block, axis] = max(high[block, axis], spot)
-    return np.argsort(code, kind="mergesort"), count, low, high
+    ordered, order = np.empty_like(triangles), _order(code)
+    for t in range(len(triangles)):
+        for k in range(3):
+            ordered[t, k] = triangles[order[t], k]
+    return ordered, count, low, high
+
+
+@kernel
+def _order(code: Ints) -> Ints:
+    """Return the order of codes of 2 x BITS bits, as a stable sort finds it."""
+    order = np.arange(len(code))
+    for shift in (0, BITS):
+        start = np.zeros((1 << BITS) + 1, np.int64)
+        for i in range(len(code)):
+            start[(code[i] >> shift & (1 << BITS) - 1) + 1] += 1
+        start = np.cumsum(start)
+        before, order = order, np.empty_like(order)
+        for one in before:
+            digit = code[one] >> shift & (1 << BITS) - 1
+            order[start[digit]] = one
+            start[digit] += 1
+    return order

@@ -8,7 +8,7 @@ from contextlib import closing
 
 import numpy as np
 
-from tiles import cells, objects, terrain, zones
+from tiles import cells, geodesy, objects, terrain, zones
 from tiles.codec import zstd
 from tiles.errors import TileFault
 from tiles.forest import Forest, build_forest
@@ -17,6 +17,8 @@ from tiles.lanes import Lane
 from tiles.store import Store
 
 Progress = Callable[[int, int], None]
+ROUNDING = 1e-6
+"""Share by which an error is larger for being stored as float32"""
 
 
 def faults_of(store: Store, progress: Progress = lambda done, total: None) -> Iterator[str]:
@@ -35,6 +37,26 @@ def faults_of(store: Store, progress: Progress = lambda done, total: None) -> It
             yield from test
         except sqlite3.DatabaseError as error:
             yield f"file: {error}"
+
+
+def warnings_of(store: Store) -> Iterator[str]:
+    """Yield a line for what is sound but could be better.
+
+    An inner terrain cell is made within its bound of the finest source: its true edge over
+    the texels along an edge. Where one states more, views refine sooner than for its size.
+    """
+    records = store.index(Lane.TERRAIN)
+    inner = records[records["children"] > 0]
+    bound_m = geodesy.cell_edge_m(inner["cell"]) / terrain.TEXTURE_SIDE
+    share = inner["error_m"] / bound_m
+    over = int((share > 1.0 + ROUNDING).sum())
+    if over:
+        worst = int(share.argmax())
+        name = cells.text(int(inner["cell"][worst]))
+        yield (
+            f"TERRAIN: {over} of {len(inner)} inner cells state a larger error than their"
+            f" bound, up to {share[worst]:.2f} times (cell {name}): ingest them again"
+        )
 
 
 def _shape_faults(lane: Lane, forest: Forest) -> Iterator[str]:

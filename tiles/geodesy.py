@@ -96,7 +96,10 @@ def to_geodetic(ecef: Ecef) -> tuple[Floats, Floats, Floats]:
 
 def up(lon_rad: FloatLike, lat_rad: FloatLike) -> Floats:
     """Return the ellipsoid's outward unit normal, ECEF axes, shape (..., 3)."""
-    return enu_axes(lon_rad, lat_rad)[..., 2, :]
+    lon, lat = np.asarray(lon_rad, np.float64), np.asarray(lat_rad, np.float64)
+    flat = np.cos(lat)
+    x, y, z = np.broadcast_arrays(flat * np.cos(lon), flat * np.sin(lon), np.sin(lat))
+    return np.stack((x, y, z), axis=-1)
 
 
 def enu_axes(lon_rad: FloatLike, lat_rad: FloatLike) -> Floats:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles.blocks import BLOCK, BLOCKS, FEWEST, in_blocks
+from tiles.blocks import BLOCK, BLOCKS, FEWEST, in_blocks, spots_of
 from tiles.codec import header_of, pack, unpack
 from tiles.errors import TileFault
 from tiles.index_tree import RUNG_FIELDS
@@ -86,14 +86,16 @@ class TerrainTile:
 
 def blocked(tile: TerrainTile) -> TerrainTile:
     """Return a tile with the triangles of its meshes sorted into blocks, if it has many."""
-    most = int(tile.parts()["surface_index_count"].max()) // 3
+    parts = tile.parts()
+    most = int(parts["surface_index_count"].max()) // 3
     if tile.surface_index_count < 3 * FEWEST or most > MOST_IN_BLOCK:
         return replace(tile, blocks=no_blocks())
     indices, blocks, mesh = tile.mesh.indices.copy(), [], tile.mesh
-    for rung, part in enumerate(tile.parts()):
-        triangles, found = in_blocks(tile.surface(rung), mesh.vertices, mesh.centre)
-        first = int(part["first_index"])
-        indices[first : first + triangles.size] = triangles.ravel()
+    spots = spots_of(mesh.vertices, mesh.centre)
+    for first, count in parts[["first_index", "surface_index_count"]].tolist():
+        surface = mesh.indices[first : first + count].reshape(-1, 3)
+        triangles, found = in_blocks(surface, mesh.vertices, spots)
+        indices[first : first + count] = triangles.ravel()
         blocks.append(found)
     return replace(tile, mesh=replace(mesh, indices=indices), blocks=np.stack(blocks))
 

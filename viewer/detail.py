@@ -29,19 +29,18 @@ def detail_m(forest: Forest, sources: Sequence[dict[str, Any]]) -> NDArray[np.fl
     Returns
     -------
     spacing_m : (rows,) of posts or of a picture's pixels; 0 where no source is; negative
-        where a fine picture is in the cell
+        where a fine picture covers the cell
     """
     west, south, east, north = np.degrees(cells.bounds_rad(forest.records["cell"]))
-    finest, pictured = np.full(len(west), np.inf, np.float32), np.zeros(len(west), np.bool_)
+    finest, drawn = np.full(len(west), np.inf, np.float32), np.zeros(len(west), np.bool_)
     for source in sources:
         if source["kind"] in SHOWN:
             left, low, right, high = source["bounds_deg"]
-            away, wide = (west - left) % 360, east - west
-            beside = away + wide <= right - left
+            beside = (west - left) % 360 + (east - west) <= right - left
             inside = beside & (south >= low) & (north <= high)
             finest[inside] = np.minimum(finest[inside], source["spacing_m"])
-            if source["kind"] == "imagery" and source["spacing_m"] < AS_IT_IS_M:
-                meets = (away < right - left) | (away + wide > 360)
-                pictured |= meets & (south < high) & (north > low)
+            drawn |= (
+                inside & (source["kind"] == "imagery") & (source["spacing_m"] < AS_IT_IS_M)
+            )
     finest[np.isinf(finest)] = 0.0
-    return np.where(pictured, -finest, finest)
+    return np.where(drawn, -finest, finest)

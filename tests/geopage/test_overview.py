@@ -99,6 +99,17 @@ def test_lines_name_sources_and_levels(path: Path) -> None:
     assert sum(line.startswith(("terrain", "objects")) for line in lines) == 2
 
 
+def test_a_line_says_what_a_source_meets_over_which_distance(path: Path) -> None:
+    with Writer(path) as writer:
+        met = {"spacing_m": 10.0, "reach_m": 18553.2, "meets": "earth"}
+        writer.put_source("city", "terrain", met)
+        writer.put_source("bare", "terrain", {**met, "meets": ""})
+    with Store(path) as store:
+        text = "\n".join(overview_lines(overview(store)))
+    assert "city: 10.0 m, meets earth over 18.6 km" in text
+    assert "bare: 10.0 m, meets sea level over 18.6 km" in text
+
+
 def test_an_empty_store_has_an_overview(tmp_path: Path) -> None:
     Writer(tmp_path / "empty.geopage").close()
     with Store(tmp_path / "empty.geopage") as store:

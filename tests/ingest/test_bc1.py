@@ -99,3 +99,23 @@ def test_each_level_is_the_mean_of_the_finer_one(scene: NDArray[np.float32]) -> 
         # A block has colours on one line only: the last levels hold the whole picture.
         assert np.abs(found[side] - exact).mean() < (5 if side >= 16 else 12)
         assert np.abs(found[side].mean() - scene.mean()) < 3
+
+
+def test_a_scene_is_as_good_as_along_the_exact_axis_of_each_block(
+    scene: NDArray[np.float32],
+) -> None:
+    """Oracle: principal axes by singular values, ends and choices in float64."""
+    texels = scene.reshape(64, 4, 64, 4, 3).swapaxes(1, 2).reshape(-1, 16, 3)
+    mean = texels.mean(axis=1, keepdims=True, dtype=np.float64)
+    axis = np.linalg.svd(texels - mean)[2][:, 0]
+    along = np.einsum("nik,nk->ni", texels - mean, axis)
+    low, high = along.min(axis=1), along.max(axis=1)
+    inset = (high - low) / 16
+    steps = np.array([31, 63, 31]) / 255
+    ends = np.stack([low + inset, high - inset], axis=1)[..., None] * axis[:, None] + mean
+    ends = np.round(np.clip(ends, 0, 255) * steps) / steps
+    thirds = np.arange(4)[:, None] / 3
+    palette = ends[:, :1] + thirds * (ends[:, 1:] - ends[:, :1])
+    away = ((texels[:, :, None] - palette[:, None]) ** 2).sum(axis=-1).min(axis=-1)
+    found = ((levels(encode(scene))[256] - scene) ** 2).sum(axis=-1)
+    assert 10 * np.log10(found.mean() / away.mean()) < 0.3

@@ -244,6 +244,8 @@ def test_json_is_one_object_and_nothing_else(
         "stated",
     )
     assert source["datum_here"].startswith("egm96: heights are 49.5 to 49.7 m above")
+    assert source["reach_m"] == 10 * source["spacing_m"]
+    assert source["meets"] == "", "the sea level: the store holds nothing else"
     assert report["posts_per_s"] > 0
     assert set(report["seconds_by_stage"]) >= {"read", "mesh", "swap"}
     assert report["tiles"] >= 32

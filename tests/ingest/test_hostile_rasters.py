@@ -18,7 +18,7 @@ from rasterio.transform import Affine
 
 from geopage.cli import main
 from ingest.mosaic import Mosaic
-from ingest.raster_plan import RasterOptions, plan, plan_all
+from ingest.raster_plan import RasterOptions, plan, plan_all, said_of
 from ingest.terrain import copy, editing
 from tests.ingest.rasters import (
     EGM96,
@@ -230,6 +230,14 @@ def bomb_deep_in_vrts(path: Path) -> Path:
     return made_of(bomb_by_another_name(path), path.with_name("outer.vrt"))
 
 
+def vast_vrt(path: Path) -> Path:
+    inner = write(path.with_name("inner.tif"), POSTS, WHERE, "EPSG:4326")
+    path = made_of(inner, path.with_suffix(".vrt"))
+    vast = path.read_text().replace("20000", "2000000").replace("0.001", "0.00001")
+    path.write_text(vast)
+    return path
+
+
 def vrt_of_itself(path: Path) -> Path:
     path = path.with_suffix(".vrt")
     return made_of(path, path)
@@ -267,10 +275,11 @@ def made_of(inner: Path, path: Path) -> Path:
         (control_points, "has no (CRS|georeference); .*(gdalwarp|--crs)"),
         (kelvin, "unknown unit 'K'; .*-units m"),
         (bomb, "has blocks of 1525 MiB; .*TILED"),
-        (all_but_empty, "all but empty .400000 x 200000 posts in .* bytes.; .*-projwin"),
+        (all_but_empty, "all but empty for its 400000 x 200000 posts; .*-projwin"),
         (bomb_in_a_vrt, "has blocks of 1525 MiB; .*TILED"),
         (bomb_by_another_name, "has blocks of 1525 MiB; .*TILED"),
         (bomb_deep_in_vrts, "has blocks of 1525 MiB; .*TILED"),
+        (vast_vrt, "all but empty for its 2000000 x 2000000 posts; .*-projwin"),
         (vrt_of_itself, "a VRT of VRTs of VRTs; name the innermost"),
         (vrt_of_a_service, "made of .*service.xml, which can't be read as a raster"),
     ],
@@ -406,3 +415,15 @@ def test_a_datum_that_is_stated_or_found_is_told_apart(tmp_path: Path) -> None:
     assert plan(path, EGM96)["datum_from"] == "stated"
     found = plan(path, RasterOptions(crs="EPSG:9707"))
     assert (found["datum"], found["datum_from"]) == ("egm96", "file")
+
+
+def test_a_stated_datum_that_a_file_contradicts_is_said(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif", POSTS, WHERE, "EPSG:4326+3855")
+    text = said_of(plan(path, EGM96))["datum_here"]
+    assert text.startswith("egm96: ")
+    assert text.endswith("as stated (the file says egm2008)")
+
+
+def test_elevations_in_raw_files_are_read(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.bil", POSTS, WHERE, "EPSG:4326", driver="EHdr")
+    assert plan(path, EGM96)["width"] == POSTS.shape[1]

@@ -134,7 +134,8 @@ def test_spacing_is_in_metres(opened: Opener) -> None:
     assert degrees.spacing_m == pytest.approx(0.01 * degree_m, rel=0.01)
     metres = opened(hills((20, 20), 1, 50), north_up(6e5, 5e6, 30.0), "EPSG:32632")
     assert metres.spacing_m == 30
-    feet = opened(hills((20, 20), 1, 50), north_up(6e6, 2e6, 100.0), "EPSG:2227")
+    stated = RasterOptions(datum="ellipsoid", units="us-ft")
+    feet = opened(hills((20, 20), 1, 50), north_up(6e6, 2e6, 100.0), "EPSG:2227", stated)
     assert feet.spacing_m == pytest.approx(100 * 1200 / 3937)
 
 
@@ -265,3 +266,16 @@ def test_boxes_beside_a_source_hold_none_of_its_data(opened: Opener) -> None:
         (-170.0, 45.6, -160.0, 46),
     ]
     assert not any(layer.holds(np.radians(box)) for box in beside)
+
+
+def test_heights_of_the_rim_are_those_of_the_nearest_posts(
+    opened: Opener, rng: np.random.Generator
+) -> None:
+    ramp = np.add.outer(np.zeros(40), np.arange(40.0) * 10.0)  # rises eastwards
+    layer = opened(ramp, north_up(660_000.0, 5_150_000.0, 500.0), "EPSG:32632")
+    row = rng.uniform(2, 37, 50)
+    for col, rim_m, away_px in ((-21.0, 5.0, 21.5), (59.0, 385.0, 20.5), (17.0, 170.0, 0)):
+        lon, lat = layer.places(np.full(50, col), row)
+        found_m, away_m = layer.rim_heights(lon, lat, 0.0)
+        np.testing.assert_allclose(found_m, rim_m, atol=0.01)
+        np.testing.assert_allclose(away_m, away_px * 500.0, atol=1.0)

@@ -256,3 +256,10 @@ def test_the_sea_beside_a_coast_stays_sea(tmp_path: Path, rng: np.random.Generat
     shore = heights(mosaic, np.full(100, 11.00499), np.linspace(-0.4, 0.4, 100))
     assert (shore - geoid_m(np.full(100, 11.005), np.linspace(-0.4, 0.4, 100)) > 1).all()
     connection.close()
+
+
+def test_a_finer_source_says_what_it_meets_and_over_which_distance(nested: Mosaic) -> None:
+    outer, inset = nested.layers
+    assert nested.meets(inset) == outer.name
+    assert nested.reach_m(inset) == outer.spacing_m
+    assert nested.meets(outer) == "", "the sea level"

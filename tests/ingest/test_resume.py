@@ -47,14 +47,14 @@ class Quick:
         small = touches(root, self._boxes)
         return [int(one) for one in cells.children(root)] if small else [root]
 
-    def build_part(self, cell: int) -> tuple[list[Made], Part]:
+    def build_part(self, cell: int, *_: object) -> tuple[list[Made], Part]:
         above = [
             int(cells.ancestor(cell, level)) for level in range(int(cells.level(cell)))
         ]
         part = Part(cell, 1.0, 0.0, 1.0, dict.fromkeys(above, 2.0))
         return [self._made(cell, 1.0, 0)], part
 
-    def build(self, root: int, parts: Iterable[Part]) -> list[Made]:
+    def build(self, root: int, parts: Iterable[Part], *_: object) -> list[Made]:
         return [self._made(root, max(part.above[root] for part in parts), 15)]
 
     def _made(self, cell: int, error_m: float, children: int) -> Made:
@@ -73,10 +73,13 @@ class Stop(BaseException):
 
 def run(folder: Path, store: Path, stop: int = -1) -> dict[str, Any]:
     """Ingest both files; stop after so many steps."""
-    steps = 0
+    steps, meshes = 0, False
 
-    def told(*_: object) -> None:
-        nonlocal steps
+    def told(_: int, __: int, what: str) -> None:
+        nonlocal steps, meshes
+        if what == "meshing terrain" and not meshes:
+            meshes = True  # it says what there is to do before the first step
+            return
         steps += 1
         if steps == stop:
             raise Stop

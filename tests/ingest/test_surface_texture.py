@@ -14,14 +14,15 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.enums import ColorInterp
 
-from ingest.coast import KNOWN, SEA
+from ingest.coast import KNOWN, SURE
 from ingest.drape import CLEAR, COARSE_M, SHARE, drape, parts_under
 from ingest.layer import Layer
 from ingest.relief import lattice_slopes, steeper_of
-from ingest.surface_texture import TINT_M, colours, texel_m_of
+from ingest.surface_texture import colours, texel_m_of
 from ingest.terrain import RasterOptions, editing, plan
 from ingest.terrain import copy as copy_source
 from ingest.terrain_mesh import lattice_places
+from ingest.tints import TINT_M
 from tests.ingest.rasters import Floats, north_up, write
 from tiles import cells, geodesy
 from tiles.errors import InputError
@@ -302,7 +303,7 @@ def test_a_picture_has_no_land_where_posts_say_that_all_is_sea(opened: Opener) -
     layer = opened(plain(land), north_up(5.0, 52.0, 0.2))
     cell, deep = cell_of(9), np.full((19, 19), -500.0)
     assert np.abs(paint(cell, deep, deep, [layer], knows=KNOWN) - land).max() < 2
-    found = paint(cell, deep, deep, [layer], knows=SEA)
+    found = paint(cell, deep, deep, [layer], knows=SURE)
     assert (found[..., 2] > 2 * found[..., 0]).all()
 
 
@@ -368,3 +369,18 @@ def test_a_texel_counts_where_finer_relief_lies_below_but_not_on_a_plain(
         finer = layer.spacing_m < 0.999 * 2 * texel_m
         assert texel_m_of(cell, hills, [layer], []) == (texel_m if finer else 0.0)
         assert texel_m_of(cell, plain_, [layer], []) == 0.0
+
+
+def test_colours_between_posts_are_as_if_each_texel_was_painted(opened: Opener) -> None:
+    """A transparent picture has every texel painted on its own."""
+    cell = cell_of(9)
+    row, col = np.mgrid[:67, :67] / 64.0
+    height = 1000.0 + 1300.0 * np.sin(9.0 * row + 2.0 * col) * np.cos(11.0 * col)
+    clear = plain(RED, bands=4)
+    clear[3, 1:] = 0
+    west, south, _, _ = np.degrees(cells.bounds_rad(cell))
+    layer = opened(clear, north_up(west - 0.5, south, 1e-3))
+    posts, texels = (paint(cell, height, height, one) for one in ([], [layer]))
+    assert height.min() < -100.0
+    assert np.abs(posts - texels).mean() < 1
+    assert np.sqrt(((posts - texels) ** 2).mean()) < 1.5

@@ -258,8 +258,9 @@ pause = sys.argv.pop(1) == "pause"
 
 def run(words):
     def told(done, total, what):
-        print(what, flush=True)
-        if pause:
+        if done:
+            print(what, flush=True)
+        if done and pause:
             sys.stdin.readline()
     files = [(Path(word), RasterOptions(datum="egm96")) for word in words[1:]]
     ingest_rasters(words[0], files, told, workers=2)
@@ -370,11 +371,26 @@ def test_no_worker_outlives_an_ingest(tmp_path: Path) -> None:
     world = tmp_path / "world.geopage"
     file = coarse(tmp_path / "coarse.tif")
 
-    def fail(*told: object) -> None:
-        if told[-1] == "meshing terrain":
+    def fail(done: int, _: int, what: str) -> None:
+        if done and what == "meshing terrain":
             raise InputError("test", "stop", "stop")
 
     with pytest.raises(InputError):
         ingest_rasters(world, [(file, EGM96)], fail, workers=2)
     assert multiprocessing.active_children() == []
     assert not world.exists()
+
+
+def test_how_much_there_is_to_mesh_is_said_at_first_and_stays(tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+
+    def note(done: int, total: int, what: str) -> None:
+        if what == "meshing terrain":
+            told.append((done, total))
+
+    ingest_rasters(tmp_path / "w.geopage", [(wide(tmp_path / "wide.tif"), EGM96)], note)
+    totals = {total for _, total in told}
+    assert len(totals) == 1
+    done = [one for one, _ in told]
+    assert (done[0], done[-1]) == (0, totals.pop())
+    assert done == sorted(set(done))

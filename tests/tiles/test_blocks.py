@@ -8,7 +8,7 @@ import pytest
 
 from tests.viewer.worlds import one_colour, terrain_tile
 from tiles import cells, terrain
-from tiles.blocks import BLOCKS, BOX_STEPS, FEWEST, SIDE, axes_of
+from tiles.blocks import BITS, BLOCKS, BOX_STEPS, FEWEST, SIDE, axes_of, morton
 from tiles.errors import TileFault
 from tiles.frames import Floats
 from tiles.mesh import SKIRT, UV_ONE, Mesh
@@ -138,3 +138,17 @@ def test_a_mesh_with_an_empty_rung_is_put_into_blocks() -> None:
     found = blocked(replace(tile, rungs=rungs))
     assert found.blocks["count"].sum(axis=1).tolist() == [2048, 0]
     assert isinstance(found.mesh, Mesh)
+
+
+def test_triangles_lie_along_a_morton_curve_and_those_of_one_place_stay_in_order() -> None:
+    before = rough(3, 500.0)
+    triangles = before.surface().astype(np.int64)
+    middle = before.mesh.vertices["detail"].astype(np.int64)[triangles].sum(axis=1)
+    place = np.minimum((middle << BITS) // (3 * UV_ONE), (1 << BITS) - 1)
+    code = morton(place)
+    digits = [format(one, f"0{BITS}b") for one in place.ravel().tolist()]
+    pairs = zip(digits[::2], digits[1::2], strict=True)
+    woven = [int("".join(y + x for x, y in zip(*two, strict=True)), 2) for two in pairs]
+    assert code.tolist() == woven
+    order = sorted(range(len(code)), key=lambda k: woven[k])
+    assert (blocked(before).surface() == before.surface()[order]).all()

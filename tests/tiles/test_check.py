@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """`geopage check` reports every change of what was written."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from geopage.cli import main
-from tiles import cells
-from tiles.check import faults_of
+from tiles import cells, geodesy
+from tiles.check import faults_of, warnings_of
 from tiles.codec import checksum
 from tiles.frames import Ecef
 from tiles.index_tree import INDEX
@@ -181,3 +182,22 @@ def test_the_command_says_so(store: Path, capsys: pytest.CaptureFixture[str]) ->
     run(store, "DELETE FROM tile WHERE row=5")
     assert main(["check", str(store), "--json"]) == 1
     assert '"ok": false' in capsys.readouterr().out
+
+
+def test_an_inner_cell_beyond_its_bound_is_a_warning_and_no_fault(
+    store: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Writer(store) as writer:
+        assert list(warnings_of(writer)) == []
+        index = writer.index(Lane.TERRAIN)
+        inner = np.flatnonzero(index["children"])
+        worst = inner[cells.level(index["cell"][inner]).argmin()]
+        edge_m = float(geodesy.cell_edge_m(index["cell"][worst]))
+        index["error_m"][worst] = 1.5 * edge_m / 256
+        writer.replace_index(Lane.TERRAIN, index)
+    assert main(["check", str(store)]) == 0
+    out = capsys.readouterr().out
+    assert f"1 of {len(inner)} inner cells" in out
+    assert "1.50 times" in out
+    assert main(["check", str(store), "--json"]) == 0
+    assert "1.50 times" in json.loads(capsys.readouterr().out)["warnings"][0]
