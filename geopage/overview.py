@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles import cells, geodesy
+from tiles.check import ROUNDING
 from tiles.codec import read_header
 from tiles.errors import TileFault
 from tiles.lanes import Lane
@@ -89,7 +90,7 @@ def _row(store: Store, lane: Lane, level: int, here: NDArray[np.void]) -> dict[s
     if lane is Lane.TERRAIN:
         bound_m = geodesy.cell_edge_m(here["cell"]) / TEXTURE_SIDE
         found["bound_m"] = float(np.median(bound_m))
-        found["over_bound"] = int((here["error_m"] > bound_m).sum())
+        found["over_bound"] = int((here["error_m"] > bound_m * (1 + ROUNDING)).sum())
     return found
 
 

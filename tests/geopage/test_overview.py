@@ -63,7 +63,7 @@ def test_triangles_and_bounds_are_those_of_the_tiles(path: Path) -> None:
         assert row["tiles_read"] == min(row["tiles"], SAMPLE)
         bound_m = cell_edge_m(records["cell"][here]) / 256
         assert row["bound_m"] == pytest.approx(np.median(bound_m))
-        assert row["over_bound"] == (records["error_m"][here] > bound_m).sum()
+        assert row["over_bound"] == (records["error_m"][here] > bound_m * 1.000001).sum()
 
 
 def test_of_many_tiles_a_part_is_read(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

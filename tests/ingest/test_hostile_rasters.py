@@ -13,6 +13,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 import pytest
 import rasterio
+from rasterio import shutil as rasterio_shutil
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.transform import Affine
 
@@ -425,5 +426,8 @@ def test_a_stated_datum_that_a_file_contradicts_is_said(tmp_path: Path) -> None:
 
 
 def test_elevations_in_raw_files_are_read(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.bil", POSTS, WHERE, "EPSG:4326", driver="EHdr")
+    path = tmp_path / "a.bil"
+    rasterio_shutil.copy(
+        write(tmp_path / "a.tif", POSTS, WHERE, "EPSG:4326"), path, driver="EHdr"
+    )
     assert plan(path, EGM96)["width"] == POSTS.shape[1]
