@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.sampling import triangulated
-from tiles.frames import Floats
+from tiles.frames import WGS84_B_M, Floats
+from tiles.geodesy import to_ecef
 from tiles.placement import Placement
 from tiles.raster_blocks import BlockCache, Blocks, level_count, level_shape
 
@@ -20,6 +21,8 @@ RIM_PX = np.array([-0.1, 0.1, -0.1, 0.1])
 HELD_POSTS = 64
 """A search for data looks at this many posts of a halved copy each way, about."""
 SPAN_STEPS = 16
+CURVED_M = 1500.0
+"""Triangles between posts closer than that are less than 10 cm off the earth's curve."""
 Box = tuple[float, float, float, float]
 
 
@@ -55,7 +58,8 @@ class Layer:
         Parameters
         ----------
         lon_rad, lat_rad : (n,) float64
-        step_m : distance of the wanted points; posts closer than that are averaged
+        step_m : distance of the wanted points; posts closer than that are averaged.
+            Where none are, heights are those of flat triangles between posts
         """
         near = self.near(lon_rad, lat_rad)
         if near.all() and len(near):
@@ -67,9 +71,10 @@ class Layer:
         return out
 
     def _heights(self, col: Floats, row: Floats, step_m: float) -> Floats:
-        level = self._level(step_m)
-        last = self._shape[0] - 1
+        level, last = self._level(step_m), self._shape[0] - 1
         found = triangulated(*self._window(level, col, self._within(row)))
+        if level == 0 and self.spacing_m > CURVED_M:
+            found -= self._sag_m(col, self._within(row))
         # Beyond the last row the surface closes over the pole, at that row's mean.
         for edge, sign, end in ((0, -1.0, 0), (-1, 1.0, last)):
             if self._polar[edge] and (sign * (row - end)).max() > 0.0:
@@ -78,6 +83,22 @@ class Layer:
                 part = np.minimum(beyond[at] / 0.5, 1.0)
                 found[at] += part * (self._pole_mean(level, edge) - found[at])
         return found
+
+    def _sag_m(self, col: Floats, row: Floats) -> Floats:
+        """Return how far flat triangles lie below what is interpolated along the earth.
+
+        Of a square's corners the mean squared distance, weighted as their heights are, is
+        a sum over the axes, whichever way the square is cut.
+        """
+        left, top = np.floor(col), np.floor(row)
+        corner, east, south = (
+            to_ecef(*self.places(left + x, top + y), 0.0)
+            for x, y in ((0, 0), (1, 0), (0, 1))
+        )
+        x, y = col - left, row - top
+        squared = x * (1 - x) * ((east - corner) ** 2).sum(axis=-1)
+        squared += y * (1 - y) * ((south - corner) ** 2).sum(axis=-1)
+        return np.asarray(squared / (2 * WGS84_B_M))
 
     def _within(self, row: Floats) -> Floats:
         """Return rows, those between a pole and the row beside it moved to that row."""

@@ -18,8 +18,15 @@ from ingest.terrain import copy as copy_source
 from tests.ingest.rasters import geoid_m, hills, north_up, pixels, source_height_m, write
 from tiles.frames import WGS84_A_M, Floats
 
+ECEF = pyproj.Transformer.from_crs(4979, 4978, always_xy=True)
 Opener = Callable[..., Layer]
 ELLIPSOID = RasterOptions(datum="ellipsoid")
+
+
+@pytest.fixture(autouse=True)
+def along(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files are compared along the earth; that triangles are flat has a test of its own."""
+    monkeypatch.setattr("ingest.layer.CURVED_M", np.inf)
 
 
 @pytest.fixture
@@ -137,6 +144,51 @@ def test_spacing_is_in_metres(opened: Opener) -> None:
     stated = RasterOptions(datum="ellipsoid", units="us-ft")
     feet = opened(hills((20, 20), 1, 50), north_up(6e6, 2e6, 100.0), "EPSG:2227", stated)
     assert feet.spacing_m == pytest.approx(100 * 1200 / 3937)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:3035"])
+def test_between_posts_far_apart_triangles_are_flat(
+    crs: str,
+    opened: Opener,
+    tmp_path: Path,
+    rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where the vertical meets the plane of three posts in ECEF, with pyproj's places."""
+    where = north_up(10, 50, 1 / 6) if crs == "EPSG:4326" else north_up(4.3e6, 3.2e6, 2e4)
+    layer = opened(hills((20, 20), 1, 500), where, crs)
+    col, row = rng.uniform(4, 15, (2, 200))
+    col0, row0 = np.floor(col), np.floor(row)
+    lower = row - row0 > col - col0
+    way = np.stack([np.where(lower, 0, 1), np.where(lower, 1, 0)])
+    with rasterio.open(tmp_path / "source.tif") as file:
+        posts, lon_lat = (
+            file.read(1).astype(float),
+            pyproj.Transformer.from_crs(crs, 4326, always_xy=True),
+        )
+        step, _, west, _, _, north = tuple(file.transform)[:6]
+
+    def place_of(c: Floats, r: Floats) -> tuple[Floats, Floats]:
+        return west + step * (c + 0.5), north - step * (r + 0.5)
+
+    def ecef(c: Floats, r: Floats) -> Floats:
+        lon, lat = lon_lat.transform(*place_of(c, r))
+        height = posts[r.astype(int), c.astype(int)]
+        return np.stack(ECEF.transform(lon, lat, height), axis=-1)
+
+    a, b = ecef(col0, row0), ecef(col0 + 1, row0 + 1)
+    across = np.cross(b - a, ecef(col0 + way[0], row0 + way[1]) - a)
+    lon, lat = lon_lat.transform(*place_of(col, row))
+    foot = np.stack(ECEF.transform(lon, lat, 0 * lon), axis=-1)
+    up = np.stack(ECEF.transform(lon, lat, 0 * lon + 1), axis=-1) - foot
+    true = ((a - foot) * across).sum(axis=1) / (up * across).sum(axis=1)
+    lon, lat = np.radians(lon), np.radians(lat)
+    curved_m = layer.heights(lon, lat, 0.0)
+    monkeypatch.setattr("ingest.layer.CURVED_M", 1500.0)
+    flat_m = layer.heights(lon, lat, 0.0)
+    # A post's place in a square of the map is one in a square of the ground, nearly.
+    assert np.abs(flat_m - true).max() < 0.1 * np.abs(curved_m - true).max()
+    assert np.abs(curved_m - true).max() > 5
 
 
 def test_a_turned_raster_keeps_its_places(opened: Opener, tmp_path: Path) -> None:
