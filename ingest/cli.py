@@ -35,6 +35,17 @@ UNITS = {"reading": " posts", "meshing": " tiles", "storing": " buildings"}
 """What a stage counts, by its first word."""
 
 
+ELEVATIONS = "GeoTIFF, HGT (also zipped), VRT, netCDF, ASCII grid, BIL, DTED"
+GOES_ON = "After Ctrl-C the same command goes on; the same source again replaces itself."
+MORE = {
+    "terrain": "The finest source wins at every place; where it has no data, the next does."
+    " Around it the coarser surface is bent to meet it, over one post spacing of the"
+    " coarser one; the report says how far that is. --datum, --units and --crs are for all"
+    " files of the command: give files that differ in commands of their own.",
+    "imagery": "The finest picture wins; where none is, ground is tinted by its height.",
+}
+
+
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line."""
 
@@ -202,12 +213,13 @@ def parser_of_ingest() -> argparse.ArgumentParser:
         required=True, metavar="terrain|imagery|buildings|synthetic"
     )
     for name, run, text in (
-        ("terrain", terrain, "elevation models: GeoTIFF, HGT (also zipped), VRT, netCDF"),
+        ("terrain", terrain, f"elevation models: {ELEVATIONS}"),
         ("imagery", imagery, "RGB pictures draped on the terrain"),
         ("buildings", buildings, f"footprints or city models: {FORMATS}"),
         ("synthetic", synthetic, "copies of footprints on land around them, to measure by"),
     ):
-        kind = kinds.add_parser(name, help=text, description=f"Ingest {text}.")
+        more = f"{MORE.get(name, '')} {GOES_ON}".strip()
+        kind = kinds.add_parser(name, help=text, description=f"Ingest {text}.", epilog=more)
         kind.set_defaults(run=run)
         kind.add_argument(
             "store", type=Path, help="the .geopage file; made when it is not there"
