@@ -24,8 +24,9 @@ from tiles.kernels import kernel
 from tiles.mesh import UV_ONE
 
 FIT_SIDE = 5
-OWN_LATTICE = 128
-"""Squares along an edge of a cell that takes a lattice of its own, at first"""
+OWN_LATTICE, SMOOTH_LATTICE, NEXT_TO_NONE = 128, 32, 1 / 64
+"""Squares along an edge of a cell that takes a lattice of its own, at first; fewer if so
+little of what may be missed is missed: at sea"""
 FINEST_LATTICE, MOST_PARTS, MOST_MISSED = 512, 4, 1 / 1024
 """It is made finer, up to so many, until it misses at most this share of the edge: a
 quarter of what the cells above may be off by. So are posts beside which others fill in."""
@@ -192,12 +193,14 @@ def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
     def surface(lon: Floats, lat: Floats) -> Floats:
         return mosaic.heights(lon, lat, 0.0)
 
-    side = OWN_LATTICE
+    side, most_m = SMOOTH_LATTICE, edge_m(cell) * MOST_MISSED
     lon, lat = _grid_places(cell, side)
     heights = surface(lon.ravel(), lat.ravel()).reshape(lon.shape)
-    most_m = edge_m(cell) * MOST_MISSED
-    while (missed_m := missed_between(surface, lon, lat, heights)) > most_m:
-        if side == FINEST_LATTICE:
+    while True:
+        missed_m = missed_between(surface, lon, lat, heights)
+        slack_m = missed_m + bulge_m(edge_m(cell) / side)
+        enough = slack_m <= NEXT_TO_NONE * most_m
+        if enough or side == FINEST_LATTICE or (side >= OWN_LATTICE and missed_m <= most_m):
             break
         side *= 2
         lon, lat = _grid_places(cell, side)
@@ -205,7 +208,6 @@ def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
         heights[::2, ::2] = known
         new = np.isnan(heights)
         heights[new] = surface(lon[new], lat[new])
-    slack_m = missed_m + bulge_m(edge_m(cell) / side)
     grid = np.zeros((2, 6))
     grid[0, 1] = grid[1, 2] = side
     ecef = geodesy.to_ecef(lon, lat, heights)
