@@ -55,7 +55,7 @@ def warnings_of(store: Store) -> Iterator[str]:
         name = cells.text(int(inner["cell"][worst]))
         yield (
             f"TERRAIN: {over} of {len(inner)} inner cells state a larger error than their"
-            f" bound, up to {share[worst]:.2f} times (cell {name}): views refine sooner there"
+            f" bound, up to {share[worst]:.2f} times ({name}): views refine sooner there"
         )
 
 
