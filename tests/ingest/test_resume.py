@@ -190,7 +190,7 @@ def test_killed_again_and_again_it_arrives_at_the_same(
     longest_s = whole[1]["seconds"]
     ends = []
     for _ in range(4):
-        after_s = rng.uniform(0.01, 0.2 * longest_s)
+        after_s = rng.uniform(0.0, 0.2 * longest_s)
         ends.append(forked(lambda: guarded(ingest, words), number, after_s))
         if store.exists():
             seen(store)

@@ -106,7 +106,7 @@ def shown(place: Place, spot: Spot, rng: Random) -> Shown:
 
 def holes(place: Place, spot: Spot, views: int) -> Finding:
     """Draw random views; then shorten the skirts until the first hole shows."""
-    rng, ours, others, apart, breaks = np.random.default_rng(3), 0, 0, 0, 0.0
+    rng, ours, others, apart, breaks = np.random.default_rng(4), 0, 0, 0, 0.0
     for _ in range(views):
         one = shown(place, spot, rng)
         ours += place.holes(one.drawn, one.view) > 0
