@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles import cells, geodesy
-from tiles.check import ROUNDING
+from tiles import cells
+from tiles.check import ROUNDING, bounds_m
 from tiles.codec import read_header
 from tiles.errors import TileFault
 from tiles.lanes import Lane
 from tiles.store import Store
-from tiles.terrain import TEXTURE_SIDE
 
 RASTER = "path", "datum", "spacing_m", "reach_m", "meets", "width", "height", "crs_name"
 SHOWN = (*RASTER, "stored")
@@ -88,7 +87,7 @@ def _row(store: Store, lane: Lane, level: int, here: NDArray[np.void]) -> dict[s
         "largest_object_m": float(here["own_dimension_m"].max()),
     }
     if lane is Lane.TERRAIN:
-        bound_m = geodesy.cell_edge_m(here["cell"]) / TEXTURE_SIDE
+        bound_m = bounds_m(here)
         found["bound_m"] = float(np.median(bound_m))
         found["over_bound"] = int((here["error_m"] > bound_m * (1 + ROUNDING)).sum())
     return found

@@ -22,7 +22,7 @@ PLAIN = np.float32(2.0)
 """A block whose colours reach no further than this along their axis is of one colour."""
 NEARLY_PLAIN = np.float32(0.99 * PLAIN * PLAIN)
 """Then its box's squared diagonal is shorter, and its axis need not be looked for."""
-ZERO, HALF, ONE, TWO, THREE = (np.float32(k) for k in (0.0, 0.5, 1.0, 2.0, 3.0))
+ZERO, HALF, ONE, THREE = (np.float32(k) for k in (0.0, 0.5, 1.0, 3.0))
 SIXTEENTH, QUARTER, TOP = np.float32(1 / 16), np.float32(0.25), np.float32(255)
 SPAN_5, SPAN_6 = np.float32(255 / 31), np.float32(255 / 63)
 EVEN = np.uint32(0x55555555)

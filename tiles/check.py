@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tiles import cells, geodesy, objects, terrain, zones
 from tiles.codec import zstd
 from tiles.errors import TileFault
 from tiles.forest import Forest, build_forest
+from tiles.frames import Floats
 from tiles.index_tree import is_monotone, rung_errors_m
 from tiles.lanes import Lane
 from tiles.store import Store
@@ -39,6 +41,11 @@ def faults_of(store: Store, progress: Progress = lambda done, total: None) -> It
             yield f"file: {error}"
 
 
+def bounds_m(records: NDArray[np.void]) -> Floats:
+    """Return the errors that terrain cells may have, (n,): as large as their texels."""
+    return np.asarray(geodesy.cell_edge_m(records["cell"]) / terrain.TEXTURE_SIDE)
+
+
 def warnings_of(store: Store) -> Iterator[str]:
     """Yield a line for what is sound but could be better.
 
@@ -47,8 +54,7 @@ def warnings_of(store: Store) -> Iterator[str]:
     """
     records = store.index(Lane.TERRAIN)
     inner = records[records["children"] > 0]
-    bound_m = geodesy.cell_edge_m(inner["cell"]) / terrain.TEXTURE_SIDE
-    share = inner["error_m"] / bound_m
+    share = inner["error_m"] / bounds_m(inner)
     over = int((share > 1.0 + ROUNDING).sum())
     if over:
         worst = int(share.argmax())

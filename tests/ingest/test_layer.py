@@ -23,7 +23,7 @@ Opener = Callable[..., Layer]
 ELLIPSOID = RasterOptions(datum="ellipsoid")
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def along(monkeypatch: pytest.MonkeyPatch) -> None:
     """Files are compared along the earth; that triangles are flat has a test of its own."""
     monkeypatch.setattr("ingest.layer.CURVED_M", np.inf)
@@ -52,6 +52,7 @@ def opened(tmp_path: Path) -> Iterator[Opener]:
         connection.close()
 
 
+@pytest.mark.usefixtures("along")
 @pytest.mark.parametrize(
     ("crs", "where"),
     [
@@ -86,6 +87,7 @@ def test_outside_its_posts_a_source_says_nothing(opened: Opener) -> None:
     assert np.isfinite(found).tolist() == [True] * 3 + [False] * 5
 
 
+@pytest.mark.usefixtures("along")
 def test_no_data_nan_and_absurd_values_are_no_data(opened: Opener) -> None:
     posts = np.full((9, 9), 5, np.float32)
     posts[0, 0], posts[2, 2], posts[4, 4], posts[6, 6] = -32768, np.nan, 3e38, -20000
@@ -146,6 +148,7 @@ def test_spacing_is_in_metres(opened: Opener) -> None:
     assert feet.spacing_m == pytest.approx(100 * 1200 / 3937)
 
 
+@pytest.mark.usefixtures("along")
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:3035"])
 def test_between_posts_far_apart_triangles_are_flat(
     crs: str,
@@ -225,6 +228,7 @@ def elevation_m(path: Path, lon_deg: Floats, lat_deg: Floats) -> Floats:
 EVERYWHERE = (-180.0, 180.0, -90.0, 90.0)
 
 
+@pytest.mark.usefixtures("along")
 @pytest.mark.parametrize(
     ("crs", "where", "shape", "box"),
     [

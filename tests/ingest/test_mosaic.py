@@ -37,7 +37,7 @@ def nested(nested_folder: Path) -> Iterator[Mosaic]:
         yield Mosaic(store.connection, store.sources())
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def along(monkeypatch: pytest.MonkeyPatch) -> None:
     """Posts here are degrees apart: what flat triangles cut off is left out."""
     monkeypatch.setattr("ingest.layer.CURVED_M", np.inf)
@@ -58,6 +58,7 @@ def test_inside_the_finer_source_nothing_is_changed(
     np.testing.assert_allclose(heights(nested, lon, lat), truth, atol=2e-3)
 
 
+@pytest.mark.usefixtures("along")
 def test_beyond_the_feather_nothing_is_changed(
     nested: Mosaic, nested_folder: Path, rng: np.random.Generator
 ) -> None:
@@ -91,6 +92,7 @@ def test_the_surface_has_no_cliff_at_the_rim(nested: Mosaic, nested_folder: Path
     assert max(steepest) < jump / 2
 
 
+@pytest.mark.usefixtures("along")
 def test_no_data_falls_through_to_the_coarser_source(tmp_path: Path) -> None:
     low = write(
         tmp_path / "low.tif",
@@ -152,6 +154,7 @@ def test_towards_a_pole_the_surface_is_continuous(globe: Mosaic) -> None:
         assert np.abs(np.diff(walk)).max() < 5
 
 
+@pytest.mark.usefixtures("along")
 def test_a_band_around_the_globe_meets_the_coarser_source_without_a_cliff(
     tmp_path: Path,
 ) -> None:
