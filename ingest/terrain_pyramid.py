@@ -35,7 +35,7 @@ from tiles import bounds, cells
 from tiles.codec import checksum
 from tiles.index_tree import INDEX, RUNG_FIELDS
 from tiles.lanes import Lane
-from tiles.terrain import TEXTURE_SIDE, TerrainTile, blocked, encode
+from tiles.terrain import TEXTURE_SIDE, TerrainTile, encode, in_pieces
 
 HEIGHTS = "min_height_m", "max_height_m"
 FLAT_TRIANGLES = 200
@@ -280,7 +280,7 @@ class ZoneBuilder:
         coarser = [rung for rung in node.rungs if rung.error_m > node.error_m]
         mesh, rungs = joined_mesh(surface, coarser)
         parts = count, node.error_m, texel_m, texture, rungs
-        tile = blocked(TerrainTile(node.cell, mesh, *parts))
+        tile = in_pieces(TerrainTile(node.cell, mesh, *parts))
         body = encode(tile)
         record = np.zeros(1, INDEX)
         # Between posts a triangle cuts through the planet, by no more than the error.

@@ -3,22 +3,25 @@
 
 A cell has SIDE x SIDE squares; a triangle belongs to that of its centroid. A mesh's
 triangles are sorted along a Morton curve, so each block is a range of its indices, and
-what a view sees of a mesh is a few ranges.
+what a view sees of a mesh is a few ranges. Its skirt has four more: the cell's sides.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiles.frames import Ecef, Floats, Ints
-from tiles.kernels import kernel
+from tiles.kernels import inlined, kernel
 from tiles.mesh import UV_ONE, VERTEX
 
 SIDE = 8
 BLOCKS = SIDE * SIDE
+SIDES = 4
+"""of a skirt: south, east, north, west"""
+MOST_PIECES = BLOCKS + SIDES
 BITS = 10
 """of a centroid's place, east and north, by which triangles are sorted"""
 FEWEST = 64
-"""A mesh of fewer triangles is drawn whole."""
+"""The surface of a mesh of fewer triangles is drawn whole."""
 BOX_STEPS = 512
 """Positions count in steps, boxes in so many of them: the farthest corner has 111."""
 BLOCK = np.dtype(
@@ -59,6 +62,69 @@ def spots_of(vertices: NDArray[np.void], centre: Ecef) -> Floats:
     return np.asarray(vertices["position"] @ axes_of(centre).T / BOX_STEPS)
 
 
+def in_sides(
+    walls: NDArray[np.uint16], vertices: NDArray[np.void], spots: Floats
+) -> tuple[NDArray[np.uint16], NDArray[np.void]] | None:
+    """Sort a skirt's triangles by the cell's sides.
+
+    Parameters
+    ----------
+    walls : (s, 3)
+    vertices, spots : of `in_blocks`
+
+    Returns
+    -------
+    walls : (s, 3)
+    sides : (SIDES,) BLOCK, boxes of a skirt without depth; or None where a triangle is on
+        no side
+    """
+    ordered, count, low, high = _sides(walls, vertices["detail"], spots)
+    if count.sum() < len(walls):
+        return None
+    return ordered, _boxed(count, low, high)
+
+
+@kernel
+def _sides(
+    walls: NDArray[np.uint16], uv: NDArray[np.uint16], spots: Floats
+) -> tuple[NDArray[np.uint16], Ints, Floats, Floats]:
+    """Take the triangles of each side in turn; see `_sorted`."""
+    ordered, n = np.empty_like(walls), 0
+    count = np.zeros(SIDES, np.int64)
+    low, high = np.full((SIDES, 3), np.inf), np.full((SIDES, 3), -np.inf)
+    for side in range(SIDES):
+        axis, edge = (side + 1) % 2, UV_ONE if side in (1, 2) else 0
+        for t in range(len(walls)):
+            corners = walls[t]
+            if uv[corners[0], axis] != edge or uv[corners[1], axis] != edge:
+                continue
+            if uv[corners[2], axis] != edge:
+                continue
+            ordered[n] = corners
+            n += 1
+            count[side] += 1
+            _widen(low[side], high[side], spots, corners)
+    return ordered, count, low, high
+
+
+@inlined
+def _widen(low: Floats, high: Floats, spots: Floats, corners: NDArray[np.uint16]) -> None:
+    """Make a box hold a triangle."""
+    for k in range(3):
+        for axis in range(3):
+            spot = spots[corners[k], axis]
+            low[axis] = min(low[axis], spot)
+            high[axis] = max(high[axis], spot)
+
+
+def _boxed(count: Ints, low: Floats, high: Floats) -> NDArray[np.void]:
+    """Return counts and boxes as BLOCK."""
+    blocks = np.zeros(len(count), BLOCK)
+    low[count == 0] = high[count == 0] = 0.0
+    blocks["count"], blocks["low"], blocks["high"] = count, np.floor(low), np.ceil(high)
+    return blocks
+
+
 def in_blocks(
     triangles: NDArray[np.uint16], vertices: NDArray[np.void], spots: Floats
 ) -> tuple[NDArray[np.uint16], NDArray[np.void]]:
@@ -76,10 +142,7 @@ def in_blocks(
     blocks : (BLOCKS,) BLOCK
     """
     ordered, count, low, high = _sorted(triangles, vertices["detail"], spots)
-    blocks = np.zeros(BLOCKS, BLOCK)
-    low[count == 0] = high[count == 0] = 0.0
-    blocks["count"], blocks["low"], blocks["high"] = count, np.floor(low), np.ceil(high)
-    return ordered, blocks
+    return ordered, _boxed(count, low, high)
 
 
 @kernel
@@ -103,11 +166,7 @@ def _sorted(
     for t in range(len(triangles)):
         block = code[t] * BLOCKS >> 2 * BITS
         count[block] += 1
-        for k in range(3):
-            for axis in range(3):
-                spot = spots[triangles[t, k], axis]
-                low[block, axis] = min(low[block, axis], spot)
-                high[block, axis] = max(high[block, axis], spot)
+        _widen(low[block], high[block], spots, triangles[t])
     ordered, order = np.empty_like(triangles), _order(code)
     for t in range(len(triangles)):
         for k in range(3):

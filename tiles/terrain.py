@@ -5,8 +5,8 @@ Between the error of a leaf and that of its parent lies a factor of ten and more
 may have rungs: coarser meshes over the same vertices, each with a measured error of its
 own, for views that need no more.
 
-The triangles of each mesh are sorted into blocks (tiles/blocks.py), so that a view draws
-only those that it can see.
+The triangles of each mesh are sorted into blocks, and its skirt's by sides
+(tiles/blocks.py), so that a view draws only those that it can see.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles.blocks import BLOCK, BLOCKS, FEWEST, in_blocks, spots_of
+from tiles.blocks import (
+    BLOCK,
+    FEWEST,
+    MOST_PIECES,
+    SIDES,
+    in_blocks,
+    in_sides,
+    spots_of,
+)
 from tiles.codec import header_of, pack, unpack
 from tiles.errors import TileFault
 from tiles.index_tree import RUNG_FIELDS
@@ -44,9 +52,9 @@ def no_rungs() -> NDArray[np.void]:
     return np.zeros(0, RUNG)
 
 
-def no_blocks() -> NDArray[np.void]:
-    """Return what a tile has in which no mesh is in blocks."""
-    return np.zeros((0, BLOCKS), BLOCK)
+def no_pieces() -> NDArray[np.void]:
+    """Return what a tile has whose meshes are drawn whole."""
+    return np.zeros((0, SIDES), BLOCK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +74,9 @@ class TerrainTile:
     """(TEXTURE_BYTES,) BC1 blocks, row 0 south, sRGB, relief shading baked in"""
     rungs: NDArray[np.void] = field(default_factory=no_rungs)
     """(r,) RUNG, finer first"""
-    blocks: NDArray[np.void] = field(default_factory=no_blocks)
-    """(1 + r, BLOCKS) BLOCK of the whole mesh and its rungs, or none"""
+    pieces: NDArray[np.void] = field(default_factory=no_pieces)
+    """(1 + r, MOST_PIECES) BLOCK of the whole mesh and its rungs: blocks, then the skirt's
+    sides; (1 + r, SIDES) where surfaces are small; or none"""
 
     def parts(self) -> NDArray[np.void]:
         """Return what can be drawn, as RUNG: the whole mesh, then the rungs."""
@@ -84,20 +93,29 @@ class TerrainTile:
         return self.mesh.indices[first:last].reshape(-1, 3)
 
 
-def blocked(tile: TerrainTile) -> TerrainTile:
-    """Return a tile with the triangles of its meshes sorted into blocks, if it has many."""
-    parts = tile.parts()
+def in_pieces(tile: TerrainTile) -> TerrainTile:
+    """Return a tile whose meshes' triangles are sorted into what views may leave out."""
+    parts, mesh = tile.parts(), tile.mesh
     most = int(parts["surface_index_count"].max()) // 3
-    if tile.surface_index_count < 3 * FEWEST or most > MOST_IN_BLOCK:
-        return replace(tile, blocks=no_blocks())
-    indices, blocks, mesh = tile.mesh.indices.copy(), [], tile.mesh
+    if most > MOST_IN_BLOCK:
+        return replace(tile, pieces=no_pieces())
+    indices, pieces = mesh.indices.copy(), []
     spots = spots_of(mesh.vertices, mesh.centre)
-    for first, count in parts[["first_index", "surface_index_count"]].tolist():
-        surface = mesh.indices[first : first + count].reshape(-1, 3)
-        triangles, found = in_blocks(surface, mesh.vertices, spots)
-        indices[first : first + count] = triangles.ravel()
-        blocks.append(found)
-    return replace(tile, mesh=replace(mesh, indices=indices), blocks=np.stack(blocks))
+    for first, count, total in parts[
+        ["first_index", "surface_index_count", "index_count"]
+    ].tolist():
+        surface, walls = np.split(
+            indices[first : first + total].reshape(-1, 3), [count // 3]
+        )
+        skirt = in_sides(walls, mesh.vertices, spots)
+        if skirt is None:
+            return replace(tile, pieces=no_pieces())
+        walls[:], sides = skirt
+        if tile.surface_index_count >= 3 * FEWEST:
+            surface[:], blocks = in_blocks(surface, mesh.vertices, spots)
+            sides = np.concatenate([blocks, sides])
+        pieces.append(sides)
+    return replace(tile, mesh=replace(mesh, indices=indices), pieces=np.stack(pieces))
 
 
 def encode(tile: TerrainTile) -> bytes:
@@ -105,8 +123,8 @@ def encode(tile: TerrainTile) -> bytes:
     head = header_of(Lane.TERRAIN, tile.cell, tile.mesh)
     head["error_m"], head["texel_m"] = tile.error_m, tile.texel_m
     head["surface_index_count"] = tile.surface_index_count
-    head["object_count"] = tile.blocks.shape[1] if len(tile.blocks) else 0
-    tail = tile.texture, tile.rungs, tile.blocks
+    head["object_count"] = tile.pieces.shape[1] if len(tile.pieces) else 0
+    tail = tile.texture, tile.rungs, tile.pieces
     return pack(head, tile.mesh, *(one.tobytes() for one in tail))
 
 
@@ -118,7 +136,7 @@ def decode(body: bytes) -> TerrainTile:
     TileFault
     """
     head, mesh, tail = unpack(Lane.TERRAIN, body)
-    rungs, blocks = _tables(head, tail)
+    rungs, pieces = _tables(head, tail)
     tile = TerrainTile(
         int(head["cell"]),
         mesh,
@@ -127,22 +145,31 @@ def decode(body: bytes) -> TerrainTile:
         float(head["texel_m"]),
         np.frombuffer(tail, np.uint8, TEXTURE_BYTES),
         rungs,
-        blocks,
+        pieces,
     )
     _require_parts(tile)
     return tile
 
 
 def _tables(head: np.void, tail: memoryview) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return rungs and blocks; how many rungs there are, the length says."""
+    """Return rungs and pieces; how many rungs there are, the length says."""
     count = int(head["object_count"])
     of_mesh = count * BLOCK.itemsize
     rungs, rest = divmod(len(tail) - TEXTURE_BYTES - of_mesh, RUNG.itemsize + of_mesh)
-    if rest or not 0 <= rungs <= MOST_RUNGS or count not in (0, BLOCKS):
+    if (
+        rest
+        or not 0 <= rungs <= MOST_RUNGS
+        or count
+        not in (
+            0,
+            SIDES,
+            MOST_PIECES,
+        )
+    ):
         raise TileFault("TERRAIN", str(int(head["cell"])), "its parts have another length")
     end = TEXTURE_BYTES + rungs * RUNG.itemsize
     table = np.frombuffer(tail[:end], RUNG, offset=TEXTURE_BYTES)
-    return table, np.frombuffer(tail[end:], BLOCK).reshape(-1, BLOCKS)
+    return table, np.frombuffer(tail[end:], BLOCK).reshape(-1, count or SIDES)
 
 
 def _require_parts(tile: TerrainTile) -> None:
@@ -157,10 +184,12 @@ def _require_parts(tile: TerrainTile) -> None:
         fault = "its parts have another length"
     elif (first + whole > len(tile.mesh.indices)).any() or (surface > whole).any():
         fault = "a rung beyond its indices"
-    elif (
-        len(tile.blocks)
-        and (3 * tile.blocks["count"].sum(axis=1, dtype=np.int64) != surface).any()
-    ):
-        fault = "its blocks are not its surface"
+    elif len(tile.pieces):
+        counts = 3 * tile.pieces["count"].astype(np.int64)
+        blocks, sides = counts[:, :-SIDES], counts[:, -SIDES:]
+        if blocks.size and (blocks.sum(axis=1) != surface).any():
+            fault = "its blocks are not its surface"
+        elif (sides.sum(axis=1) != whole - surface).any():
+            fault = "its sides are not its skirt"
     if fault:
         raise TileFault("TERRAIN", str(tile.cell), fault)

@@ -17,7 +17,7 @@ from viewer.allocator import FirstFit
 from viewer.buffers import LargeBuffer
 from viewer.coats import Coats
 from viewer.gl import Gl
-from viewer.slots import ObjectPool, make_blocks, make_slots, noise_of, put_parts
+from viewer.slots import ObjectPool, make_pieces, make_slots, noise_of, put_parts
 from viewer.textures import MAX_LAYERS, TextureLayers, shows_water
 
 INDEX_BYTES = 2
@@ -55,8 +55,8 @@ class Arena:
         self._vertex_room = FirstFit(size.vertex_bytes // VERTEX.itemsize)
         self._index_room = FirstFit(size.index_bytes // INDEX_BYTES)
         self.textures = TextureLayers(gl, size.layers)
-        self.blocks = make_blocks(self.textures.count)
-        """(layers, 1 + MOST_RUNGS, BLOCKS) BLOCK of each texture layer's tile"""
+        self.pieces = make_pieces(self.textures.count)
+        """(layers, 1 + MOST_RUNGS, MOST_PIECES) BLOCK of each texture layer's tile"""
         self.pool = ObjectPool(size.objects)
         records = {lane: forest.records for lane, forest in forests.items()}
         none = np.zeros(0, INDEX)
@@ -107,7 +107,7 @@ class Arena:
         slot["box_rad"] = cells.bounds_rad(tile.cell)
         slot["wet"] = shows_water(tile.texture)
         slot["surface_count"] = tile.surface_index_count
-        put_parts(slot, self.blocks[layer], tile)
+        put_parts(slot, self.pieces[layer], tile)
         return True
 
     def _write(self, buffer: int, offset: int, data: NDArray[np.generic]) -> None:

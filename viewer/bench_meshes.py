@@ -20,7 +20,7 @@ from tiles import cells, geodesy, terrain
 from tiles.frames import Ecef, Floats, Ints, Local
 from tiles.mesh import SKIRT, UV_ONE, VERTEX, Mesh, quantise
 from tiles.surface import Surface
-from tiles.terrain import TerrainTile, blocked, no_rungs
+from tiles.terrain import TerrainTile, in_pieces, no_rungs
 from viewer.bench_choices import edges_m
 from viewer.drawn_surface import boxes_of, distances_to, join
 from viewer.rtin import rtin
@@ -124,7 +124,7 @@ def with_mesh(tile: TerrainTile, lattice: Lattice, triangles: Ints) -> TerrainTi
     indices = np.concatenate((corners.ravel(), skirt.ravel())).astype(np.uint16)
     mesh = Mesh(tile.mesh.centre, scale_m, vertices, indices)
     made = replace(tile, mesh=mesh, surface_index_count=triangles.size, rungs=no_rungs())
-    return blocked(made)
+    return in_pieces(made)
 
 
 def ring(at: Ints) -> NDArray[np.int64]:

@@ -8,6 +8,7 @@ surfaces hide far ones before those are shaded. A terrain tile that is only part
 picture has a command for each run of its blocks there (viewer/runs.py), and one record.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +27,9 @@ from tiles import geodesy
 from tiles.frames import Ecef
 from tiles.kernels import brief, inlined
 from tiles.terrain import TEXTURE_SIDE
-from viewer.clearance import LEAN, beside_m, may_sink
+from viewer.clearance import LEAN, ROUNDED, beside_m, may_sink
 from viewer.draw_record import INSTANCE_FLOATS, fill
+from viewer.facing import faces
 from viewer.look import HIGH_M
 from viewer.runs import MOST_RUNS, seen_runs, whole_run
 from viewer.slots import FAR_PERIOD, NEAR_PERIOD, PATCH_M
@@ -37,6 +39,8 @@ TERRAIN_DRAWS = 4
 """Commands for a terrain tile that there is room for, on average."""
 GRAIN_TEXEL_PX = 1.6
 """A texel must be larger than this for the ground to show grain (terrain.frag)."""
+SKIRT_REACH = math.sqrt(1 + 2 * LEAN**2)
+"""A skirt's lower edge is at most so many times its depth from the rim, at a corner."""
 TerrainDraws = tuple[int, int, float, tuple[int, int, int], int]
 """Of `cull_terrain`"""
 
@@ -118,29 +122,57 @@ class Lists(NamedTuple):
     half_m: NDArray[np.float32]
     """(n, 3) `Tree.half_m`"""
     records: NDArray[np.void]
-    blocks: NDArray[np.void]
-    """(layers, 1 + MOST_RUNGS, BLOCKS) of terrain tiles, by texture layer"""
+    pieces: NDArray[np.void]
+    """(layers, 1 + MOST_RUNGS, MOST_PIECES) of terrain tiles, by texture layer"""
 
 
 @brief
 def terrain_runs(
-    lists: Lists, row: int, part: int, eye: Eye, runs: NDArray[np.int64]
+    lists: Lists,
+    row: int,
+    part: int,
+    skirt_m: float,
+    eye: Eye,
+    runs: NDArray[np.int64],
 ) -> int:
     """Write what of a visible tile's mesh may be in the picture; returns how many runs.
 
     Parameters
     ----------
+    skirt_m : its skirt's depth; infinite to draw all of it
     runs : (MOST_RUNS, 2) first index and number of indices, both from the mesh's start
     """
-    slot, record = lists.slots[row], lists.records[row]
+    slot = lists.slots[row]
     # What sinks is drawn elsewhere than its boxes say.
-    if record["max_height_m"] > eye.place[2]:
-        away_m = beside_m(slot["box_rad"], eye.place)
-        if may_sink(away_m, slot["scale_m"], record["children"]):
-            return whole_run(slot, part, runs)
-    sphere = lists.centre[row], lists.radius_m[row]
-    view = eye.lens.eye, eye.planes
-    return seen_runs(slot, lists.blocks[slot["layer"], part], part, sphere, view, runs)
+    if _may_sink(lists, row, eye):
+        return whole_run(slot, part, runs)
+    sphere, view = (lists.centre[row], lists.radius_m[row]), (eye.lens.eye, eye.planes)
+    reach_m = SKIRT_REACH * skirt_m
+    margin_m = 2 * skirt_m + ROUNDED * slot["scale_m"]
+    sides = faces(slot["box_rad"], eye.lens.eye, eye.place[0], margin_m)
+    pieces = lists.pieces[slot["layer"], part]
+    return seen_runs(slot, pieces, part, sphere, view, (sides, reach_m), runs)
+
+
+@inlined
+def _may_sink(lists: Lists, row: int, eye: Eye) -> bool:
+    record, slot = lists.records[row], lists.slots[row]
+    if record["max_height_m"] <= eye.place[2]:
+        return False
+    away_m = beside_m(slot["box_rad"], eye.place)
+    return may_sink(away_m, slot["scale_m"], record["children"])
+
+
+@inlined
+def has_whole_skirts(lists: Lists, eye: Eye) -> bool:
+    """Say whether no skirt may be left out: without planes, or where a tile sinks.
+
+    All skirts reach as much deeper as it sinks.
+    """
+    found = not eye.planes.any()
+    for row in lists.rows:
+        found = found or _may_sink(lists, row, eye)
+    return found
 
 
 @brief
@@ -168,6 +200,8 @@ def cull_terrain(
     and the number of tiles, which is that of records
     """
     n, error_sum, area_sum = 0, 0.0, 1e-9
+    runs = np.empty((len(lists.rows), MOST_RUNS, 2), np.int64)
+    counts, whole = np.empty(len(lists.rows), np.int64), has_whole_skirts(lists, eye)
     period = FAR_PERIOD if eye.place[2] > HIGH_M else NEAR_PERIOD
     for entry in range(len(lists.rows)):
         row = lists.rows[entry]
@@ -176,9 +210,12 @@ def cull_terrain(
         centre = lists.centre[row]
         if slot["uploaded"] == 0 or not is_visible(centre, radius, eye):
             continue
+        part, deep_m = rung[entry], np.inf if whole else float(skirt_m[entry])
+        counts[n] = terrain_runs(lists, row, part, deep_m, eye, runs[n])
+        if counts[n] == 0:
+            continue
         record = lists.records[row]
         scale = error_px_per_m(eye.lens, centre, lists.radius_m[row], lists.half_m[row])
-        part = rung[entry]
         error_px = scale * max(slot["part_error_m"][part], record["texel_m"])
         fill(room.instances[n], slot, eye.lens.eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]
@@ -197,33 +234,43 @@ def cull_terrain(
         area = min((2.0 * radius * scale) ** 2, picture_px)
         error_sum += area * min(error_px, 1e6)
         area_sum += area
-    draws, triangles, kinds = _command_runs(lists, rung, eye, room, n)
+    draws, triangles, kinds = _command_runs(lists, rung, (counts[:n], runs), room)
     return draws, triangles, error_sum / area_sum, kinds, n
 
 
 @brief
 def _command_runs(
-    lists: Lists, rung: NDArray[np.uint8], eye: Eye, room: Room, tiles: int
+    lists: Lists,
+    rung: NDArray[np.uint8],
+    parts: tuple[NDArray[np.int64], NDArray[np.int64]],
+    room: Room,
 ) -> tuple[int, int, tuple[int, int, int]]:
     """Write the commands of the tiles that have records and keys, in the keys' order.
+
+    Parameters
+    ----------
+    parts : how many runs each record's tile has, (n,), and the runs
 
     Returns
     -------
     draws, triangles, and draws of the first three kinds
     """
-    kinds, runs = np.zeros(4, np.int64), np.empty((MOST_RUNS, 2), np.int64)
+    counts, runs = parts
+    tiles, kinds = len(counts), np.zeros(4, np.int64)
     n, indices, order = 0, 0, np.argsort(room.keys[:tiles])
     for i in range(tiles):
-        entry = int(room.instances[order[i], 12])
-        row, part = lists.rows[entry], rung[entry]
-        slot = lists.slots[row]
-        count = terrain_runs(lists, row, part, eye, runs)
+        entry, count, run = (
+            int(room.instances[order[i], 12]),
+            counts[order[i]],
+            runs[order[i]],
+        )
+        slot, part = lists.slots[lists.rows[entry]], rung[entry]
         if n + count + tiles - 1 - i > len(room.commands):
-            count = whole_run(slot, part, runs)
+            count = whole_run(slot, part, run)
         for k in range(count):
-            first = slot["part_first"][part] + runs[k, 0]
-            put_command(room.commands[n], slot, first, runs[k, 1], order[i])
-            indices += runs[k, 1]
+            first = slot["part_first"][part] + run[k, 0]
+            put_command(room.commands[n], slot, first, run[k, 1], order[i])
+            indices += run[k, 1]
             n += 1
         kinds[int(room.keys[order[i]])] += count
     return n, indices // 3, (kinds[0], kinds[1], kinds[2])

@@ -12,7 +12,7 @@ from geopage.selection import Thresholds, everything, select, trees_of
 from geopage.view import ViewState
 from tiles.kernels import brief
 from tiles.lanes import Lane
-from viewer.cull import Eye, Lists, eye_of, is_visible, terrain_runs
+from viewer.cull import Eye, Lists, eye_of, has_whole_skirts, is_visible, terrain_runs
 from viewer.cull_objects import CHILDREN, count_above
 from viewer.frame_budget import Load
 from viewer.renderer import Renderer
@@ -43,7 +43,8 @@ class Forecast:
         """
         eye = eye_of(view, drawn.sweep)
         lists = self._renderer.lists
-        ground = count_terrain(lists(Lane.TERRAIN, drawn.terrain), drawn.rungs(), eye)
+        meshes = drawn.rungs(), drawn.skirt_m
+        ground = count_terrain(lists(Lane.TERRAIN, drawn.terrain), meshes, eye)
         things = count_objects(
             lists(Lane.OBJECTS, drawn.objects),
             (drawn.own, drawn.proxies, self._renderer.arena.pool.records),
@@ -64,20 +65,23 @@ def ahead_of(views: list[ViewState], floor_m: float = 0.0) -> ViewState:
 
 
 @brief
-def count_terrain(lists: Lists, rung: NDArray[np.uint8], eye: Eye) -> tuple[int, int, int]:
+def count_terrain(
+    lists: Lists, meshes: tuple[NDArray[np.uint8], NDArray[np.float32]], eye: Eye
+) -> tuple[int, int, int]:
     """Return draws of visible tiles that are uploaded, tiles that are not, triangles."""
     known, missing, indices = 0, 0, 0
-    runs = np.empty((MOST_RUNS, 2), np.int64)
+    runs, whole = np.empty((MOST_RUNS, 2), np.int64), has_whole_skirts(lists, eye)
     for entry in range(len(lists.rows)):
-        row = lists.rows[entry]
-        if is_visible(lists.centre[row], lists.radius_m[row], eye):
-            slot = lists.slots[row]
-            if slot["uploaded"] == 0:
-                missing += 1
-            else:
-                count = terrain_runs(lists, row, rung[entry], eye, runs)
-                known += count
-                indices += runs[:count, 1].sum()
+        row, skirt_m = lists.rows[entry], float(meshes[1][entry])
+        if not is_visible(lists.centre[row], lists.radius_m[row] + skirt_m, eye):
+            continue
+        if lists.slots[row]["uploaded"] == 0:
+            missing += 1
+            continue
+        deep_m = np.inf if whole else skirt_m
+        count = terrain_runs(lists, row, meshes[0][entry], deep_m, eye, runs)
+        known += count
+        indices += runs[:count, 1].sum()
     return known, missing, indices // 3
 
 

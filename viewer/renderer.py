@@ -212,7 +212,7 @@ class Renderer:
         """Return the rows of a lane with the arrays that they point to, for kernels."""
         forest, slots = self.forests[lane], self.arena.slots[lane]
         boxes = forest.centre, forest.radius_m, self._half_m[lane]
-        return cull.Lists(rows, slots, *boxes, forest.records, self.arena.blocks)
+        return cull.Lists(rows, slots, *boxes, forest.records, self.arena.pieces)
 
     def read_rgb(self) -> NDArray[np.uint8]:
         """Return the last frame, (height, width, 3) uint8 sRGB, top row first."""

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which ranges of a terrain mesh's indices a view needs: runs of blocks in the picture.
+"""Which ranges of a terrain mesh's indices a view needs: runs of pieces in the picture.
 
-Blocks that follow each other are one run, and so are those with few triangles between
-them: a command costs about as much. The skirt behind the surface is always drawn.
+Pieces that follow each other are one run, and so are those with few triangles between
+them: a command costs about as much. Of a skirt the sides that face the eye are drawn
+(viewer/facing.py).
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tiles.blocks import BLOCKS, BOX_STEPS, FEWEST
+from tiles.blocks import BLOCKS, BOX_STEPS, MOST_PIECES
 from tiles.frames import Floats
 from tiles.kernels import brief, inlined
 
-MOST_RUNS = BLOCKS // 2 + 1
+MOST_RUNS = MOST_PIECES // 2
 GAP = 16
 """Triangles between two runs that are drawn rather than left out"""
 ROUNDED_STEPS = 1.0
@@ -29,47 +30,43 @@ def whole_run(slot: np.void, part: int, runs: NDArray[np.int64]) -> int:
 @brief
 def seen_runs(
     slot: np.void,
-    blocks: NDArray[np.void],
+    pieces: NDArray[np.void],
     part: int,
     sphere: tuple[Floats, float],
     view: tuple[Floats, Floats],
+    skirt: tuple[int, float],
     runs: NDArray[np.int64],
 ) -> int:
-    """Write what of a mesh may be in the picture, and its skirt.
+    """Write what of a mesh and its skirt may be in the picture.
 
     Parameters
     ----------
-    blocks : (BLOCKS,) BLOCK of the mesh
+    pieces : (MOST_PIECES,) BLOCK of the mesh
     sphere : centre (3,) and radius that the tile lies in, ECEF m
     view : the eye (3,) ECEF m and inward unit normals (n, 3) of the planes through it
+    skirt : bits of the sides that are wanted, and how far the skirt reaches from the rim, m
     runs : (MOST_RUNS, 2) first index and number of indices, both from the mesh's start
 
     Returns
     -------
     How many runs
     """
-    total = slot["part_count"][part]
-    if slot["in_blocks"] == 0 or total < 3 * FEWEST:
+    if slot["in_pieces"] == 0:
         return whole_run(slot, part, runs)
     sides = np.empty((len(view[1]), 4))
-    crossed = _crossed(slot, sphere, view, sides)
-    if crossed == 0:
-        return whole_run(slot, part, runs)
+    crossed = _crossed(slot, (sphere[0], sphere[1] + skirt[1]), view, sides)
     n, start, last, end = 0, 0, -3 * GAP - 3, 0
-    for k in range(BLOCKS):
-        first, end = end, end + 3 * blocks[k]["count"]
-        if end == first or not _is_in(blocks[k], sides, crossed):
+    for k in range(MOST_PIECES):
+        first, end = end, end + 3 * pieces[k]["count"]
+        if end == first or (k >= BLOCKS and not skirt[0] >> (k - BLOCKS) & 1):
+            continue
+        if not _is_in(pieces[k], sides, crossed, skirt[1] if k >= BLOCKS else 0.0):
             continue
         if first - last > 3 * GAP:
             n += 1
             start = first
         last = end
         runs[n - 1, 0], runs[n - 1, 1] = start, end - start
-    if total > end:
-        if end - last > 3 * GAP:
-            n += 1
-            start = end
-        runs[n - 1, 0], runs[n - 1, 1] = start, total - start
     return n
 
 
@@ -110,13 +107,13 @@ def _crossed(
 
 
 @brief
-def _is_in(block: np.void, sides: Floats, crossed: int) -> bool:
-    """Say whether a block's box is not wholly behind one of the planes."""
+def _is_in(piece: np.void, sides: Floats, crossed: int, reach_m: float) -> bool:
+    """Say whether not all that is so near to a piece's box is behind one of the planes."""
     for i in range(crossed):
-        above_m = sides[i, 3]
+        above_m = sides[i, 3] + reach_m
         for axis in range(3):
             per = sides[i, axis]
-            above_m += per * (block["high"][axis] if per > 0.0 else block["low"][axis])
+            above_m += per * (piece["high"][axis] if per > 0.0 else piece["low"][axis])
         if above_m < 0.0:
             return False
     return True

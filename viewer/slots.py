@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles import cells
-from tiles.blocks import BLOCK, BLOCKS
+from tiles.blocks import BLOCK, BLOCKS, MOST_PIECES
 from tiles.objects import ObjectTile
 from tiles.terrain import MOST_RUNGS, TerrainTile
 from viewer.allocator import FirstFit
@@ -34,13 +34,15 @@ SLOT = np.dtype(
         ("proxy_count", "<i4", 4),
         ("wet", "<i4"),  # terrain: its texture shows water
         ("surface_count", "<i4"),  # terrain: indices without the skirt
-        ("in_blocks", "<i4"),  # terrain: its layer has blocks in `Arena.blocks`
+        ("in_pieces", "<i4"),  # terrain: its layer has pieces in `Arena.pieces`
         ("part_first", "<i4", 1 + MOST_RUNGS),  # terrain: whole mesh, rungs
         ("part_count", "<i4", 1 + MOST_RUNGS),
         ("part_error_m", "<f4", 1 + MOST_RUNGS),
     ],
     align=True,
 )
+ANYWHERE = np.array(((-128,) * 3, (127,) * 3, 0), BLOCK)
+"""A block of a surface that has no blocks"""
 POOL = np.dtype([("dimension_m", "<f4"), ("index_end", "<i4")])
 PATCH_LEVEL = 16
 """Ground grain counts in patches as large as a cell of this level (76 m of latitude)."""
@@ -62,26 +64,28 @@ def noise_of(cell: int) -> tuple[float, float, float]:
     return col * patches % FAR_PERIOD, row * patches % FAR_PERIOD, patches
 
 
-def make_blocks(layers: int) -> NDArray[np.void]:
-    """Return the blocks of each mesh of the tiles in so many texture layers, none yet."""
-    return np.zeros((layers, 1 + MOST_RUNGS, BLOCKS), BLOCK)
+def make_pieces(layers: int) -> NDArray[np.void]:
+    """Return the pieces of each mesh of the tiles in so many texture layers, none yet."""
+    return np.zeros((layers, 1 + MOST_RUNGS, MOST_PIECES), BLOCK)
 
 
-def put_parts(slot: np.void, blocks: NDArray[np.void], tile: TerrainTile) -> None:
+def put_parts(slot: np.void, pieces: NDArray[np.void], tile: TerrainTile) -> None:
     """Note a tile's meshes; what it lacks is drawn as its coarsest.
 
     Parameters
     ----------
-    blocks : (1 + MOST_RUNGS, BLOCKS) of the tile's layer
+    pieces : (1 + MOST_RUNGS, MOST_PIECES) of the tile's layer
     """
     parts = tile.parts()
-    slot["in_blocks"] = len(tile.blocks) > 0
+    slot["in_pieces"] = len(tile.pieces) > 0
     which = np.minimum(np.arange(1 + MOST_RUNGS), len(parts) - 1)
     slot["part_first"] = parts["first_index"][which]
     slot["part_count"] = parts["index_count"][which]
     slot["part_error_m"] = parts["error_m"][which]
-    if len(tile.blocks):
-        blocks[:] = tile.blocks[which]
+    if len(tile.pieces):
+        pieces[:, :BLOCKS] = ANYWHERE
+        pieces[:, 0]["count"] = parts["surface_index_count"][which] // 3
+        pieces[:, -tile.pieces.shape[1] :] = tile.pieces[which]
 
 
 class ObjectPool:

@@ -44,10 +44,10 @@ from tiles.lanes import Lane
 from tiles.mesh import STEPS, UV_ONE
 from tiles.samples import SAMPLES
 from tiles.store import Store
-from tiles.terrain import TEXTURE_BYTES, TerrainTile, blocked
+from tiles.terrain import TEXTURE_BYTES, TerrainTile, in_pieces
 from viewer.cull import Eye, Lists, eye_of, is_visible, terrain_runs
 from viewer.runs import MOST_RUNS
-from viewer.slots import make_blocks, make_slots, put_parts
+from viewer.slots import make_pieces, make_slots, put_parts
 
 TAU_PX = 2.0
 REGION_POSTS = 360
@@ -119,14 +119,14 @@ class World:
         ----------
         row : whose place and index record count
         """
-        slots, blocks = self._uploaded
+        slots, pieces = self._uploaded
         slots["centre"][row], slots["scale_m"][row] = tile.mesh.centre, tile.mesh.scale_m
-        put_parts(slots[row], blocks[0], tile)
+        put_parts(slots[row], pieces[0], tile)
         spheres = self.forest.centre, self.forest.radius_m
         flat = np.zeros((0, 3), np.float32)
-        lists = Lists(np.zeros(0, np.int32), slots, *spheres, flat, self.records, blocks)
+        lists = Lists(np.zeros(0, np.int32), slots, *spheres, flat, self.records, pieces)
         runs = np.empty((MOST_RUNS, 2), np.int64)
-        ends = runs[: terrain_runs(lists, row, rung, eye, runs)].cumsum(axis=1)
+        ends = runs[: terrain_runs(lists, row, rung, 0.0, eye, runs)].cumsum(axis=1)
         surface = 3 * len(tile.surface(rung))
         return int(np.diff(np.minimum(ends, surface), axis=1).sum()) // 3
 
@@ -134,7 +134,7 @@ class World:
     def _uploaded(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
         slots = make_slots(len(self.records))
         slots["box_rad"] = np.stack(cells.bounds_rad(self.records["cell"]), axis=-1)
-        return slots, make_blocks(1)
+        return slots, make_pieces(1)
 
     def truths(self, cell: int) -> list[Truth]:
         """Return what the leaves in a cell stand for."""
@@ -275,7 +275,7 @@ def grid_tile(world: World, row: int, goal_m: float) -> TerrainTile:
         none = np.zeros(TEXTURE_BYTES, np.uint8)
         count = 3 * len(made.triangles)
         tile = TerrainTile(cell, made.mesh, count, goal_m, 0.0, none)
-        world.grids[row, goal_m] = blocked(tile)
+        world.grids[row, goal_m] = in_pieces(tile)
     return world.grids[row, goal_m]
 
 

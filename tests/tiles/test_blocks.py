@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Blocks are all of a mesh's triangles, each beside its neighbours and inside its box."""
+"""Pieces are all of a mesh's triangles, each beside its neighbours and inside its box."""
 
 from dataclasses import replace
 
@@ -8,17 +8,27 @@ import pytest
 
 from tests.viewer.worlds import one_colour, terrain_tile
 from tiles import cells, terrain
-from tiles.blocks import BITS, BLOCKS, BOX_STEPS, FEWEST, SIDE, axes_of, morton
+from tiles.blocks import (
+    BITS,
+    BLOCKS,
+    BOX_STEPS,
+    FEWEST,
+    MOST_PIECES,
+    SIDE,
+    SIDES,
+    axes_of,
+    morton,
+)
 from tiles.errors import TileFault
 from tiles.frames import Floats
 from tiles.mesh import SKIRT, UV_ONE, Mesh
-from tiles.terrain import RUNG, TerrainTile, blocked, no_blocks
+from tiles.terrain import RUNG, TerrainTile, in_pieces, no_pieces
 
 PLACES = ((0.1, 0.2, 12), (3.1, -1.2, 8), (-2.0, 1.5707, 6), (1.0, -0.4, 3), (0.4, 0.4, 0))
 
 
 def rough(seed: int, height_m: float) -> TerrainTile:
-    """A tile of noise with a rung, in no blocks and in no order."""
+    """A tile of noise with a rung, in no pieces and in no order."""
     rng = np.random.default_rng(seed)
     lon, lat, level = PLACES[seed % len(PLACES)]
     cell = int(cells.cell_at(lon, lat, level))
@@ -29,18 +39,19 @@ def rough(seed: int, height_m: float) -> TerrainTile:
     fine = terrain_tile(cell, one_colour((9, 9, 9)), 33, height)
     count = fine.surface_index_count
     surface = rng.permutation(fine.surface())
-    coarse = surface[:600]
-    indices = np.concatenate(
-        [surface.ravel(), fine.mesh.indices[count:], coarse.ravel()]
-    ).astype(np.uint16)
-    rungs = np.array([(5e4, len(fine.mesh.indices), 1800, 1800)], RUNG)
+    coarse, skirt = surface[:600], rng.permutation(fine.mesh.indices[count:].reshape(-1, 3))
+    parts = surface, skirt, coarse, skirt
+    indices = np.concatenate([part.ravel() for part in parts]).astype(np.uint16)
+    rungs = np.array(
+        [(5e4, len(fine.mesh.indices), 1800, len(coarse) * 3 + skirt.size)], RUNG
+    )
     mesh = replace(fine.mesh, indices=indices)
-    return replace(fine, mesh=mesh, rungs=rungs, blocks=no_blocks())
+    return replace(fine, mesh=mesh, rungs=rungs, pieces=no_pieces())
 
 
 def ranges(tile: TerrainTile, rung: int) -> list[tuple[int, np.ndarray]]:
     """Number and triangles of each block of a mesh."""
-    ends = np.cumsum(tile.blocks["count"][rung], dtype=np.int64)
+    ends = np.cumsum(tile.pieces["count"][rung, :BLOCKS], dtype=np.int64)
     parts = np.split(tile.surface(rung), ends)
     assert len(parts.pop()) == 0
     return list(enumerate(parts))
@@ -53,8 +64,8 @@ def as_set(triangles: np.ndarray) -> list[tuple[int, ...]]:
 @pytest.mark.parametrize("seed", range(10))
 def test_blocks_are_all_triangles_each_in_the_square_of_its_middle(seed: int) -> None:
     before = rough(seed, 500.0)
-    after = blocked(before)
-    assert after.blocks.shape == (2, BLOCKS)
+    after = in_pieces(before)
+    assert after.pieces.shape == (2, MOST_PIECES)
     for rung in (0, 1):
         assert as_set(after.surface(rung)) == as_set(before.surface(rung))
         for number, triangles in ranges(after, rung):
@@ -63,8 +74,6 @@ def test_blocks_are_all_triangles_each_in_the_square_of_its_middle(seed: int) ->
             for bit in range(3):
                 assert (col >> bit & 1 == number >> 2 * bit & 1).all()
                 assert (row >> bit & 1 == number >> 2 * bit + 1 & 1).all()
-    skirt = slice(before.surface_index_count, int(before.rungs["first_index"][0]))
-    assert np.array_equal(after.mesh.indices[skirt], before.mesh.indices[skirt])
     assert after.mesh.vertices.tobytes() == before.mesh.vertices.tobytes()
 
 
@@ -72,7 +81,7 @@ def test_blocks_are_all_triangles_each_in_the_square_of_its_middle(seed: int) ->
 @pytest.mark.parametrize("seed", range(5))
 def test_a_box_holds_its_triangles_as_a_gpu_places_them(seed: int, height_m: float) -> None:
     """Steps are added and scaled in float32, as the shader does, from any eye."""
-    tile = blocked(rough(seed, height_m))
+    tile = in_pieces(rough(seed, height_m))
     axes, rng = axes_of(tile.mesh.centre), np.random.default_rng(seed)
     scale = np.float32(tile.mesh.scale_m)
     whole = np.rint(rng.uniform(-4e4, 4e4, 3)).astype(np.float32)
@@ -82,7 +91,7 @@ def test_a_box_holds_its_triangles_as_a_gpu_places_them(seed: int, height_m: flo
     local = (placed - rest.astype(float)) / float(scale) - whole
     for rung in (0, 1):
         for number, triangles in ranges(tile, rung):
-            box = tile.blocks[rung, number]
+            box = tile.pieces[rung, number]
             spots = local[triangles].reshape(-1, 3) @ axes.T
             # A step more, as culling allows.
             assert (spots >= BOX_STEPS * box["low"].astype(float) - 1.0).all()
@@ -90,43 +99,76 @@ def test_a_box_holds_its_triangles_as_a_gpu_places_them(seed: int, height_m: flo
 
 
 def test_boxes_are_not_much_larger_than_their_blocks() -> None:
-    tile = blocked(rough(0, 10.0))
+    tile = in_pieces(rough(0, 10.0))
     assert (tile.mesh.vertices["flags"] & SKIRT).any()
-    box = tile.blocks[0]
+    box = tile.pieces[0, :BLOCKS]
     sides = box["high"].astype(float) - box["low"]
     whole = 2 * 32767 / BOX_STEPS
     assert (sides[:, :2] < 1.5 * whole / SIDE + 3).all()
 
 
+def skirt_of(tile: TerrainTile, rung: int) -> np.ndarray:
+    part = tile.parts()[rung]
+    first, count = int(part["first_index"]), int(part["index_count"])
+    indices = tile.mesh.indices[first : first + count].reshape(-1, 3)
+    return indices[int(part["surface_index_count"]) // 3 :]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_skirt_is_sorted_by_sides_each_in_its_box(seed: int) -> None:
+    before = rough(seed, 500.0)
+    after = in_pieces(before)
+    at = after.mesh.vertices["detail"]
+    edges = (at[:, 1] == 0, at[:, 0] == UV_ONE, at[:, 1] == UV_ONE, at[:, 0] == 0)
+    steps = after.mesh.vertices["position"].astype(float) @ axes_of(after.mesh.centre).T
+    for rung in (0, 1):
+        assert as_set(skirt_of(after, rung)) == as_set(skirt_of(before, rung))
+        sides = after.pieces[rung, -SIDES:]
+        parts = np.split(skirt_of(after, rung), np.cumsum(sides["count"])[:-1])
+        for part, side, is_on in zip(parts, sides, edges, strict=True):
+            assert len(part) == 2 * 32
+            assert is_on[part].all()
+            assert (steps[part] >= BOX_STEPS * side["low"].astype(float) - 1e-6).all()
+            assert (steps[part] <= BOX_STEPS * side["high"].astype(float) + 1e-6).all()
+
+
+def test_a_skirt_that_is_not_on_the_cells_edge_leaves_a_tile_whole() -> None:
+    tile = rough(0, 100.0)
+    tile.mesh.vertices["detail"][tile.mesh.indices[tile.surface_index_count]] += 1
+    assert len(in_pieces(tile).pieces) == 0
+
+
 def test_small_meshes_have_no_blocks() -> None:
     side = int(np.sqrt(FEWEST / 2))
     few = terrain_tile(int(cells.cell_at(0.1, 0.2, 9)), one_colour((9, 9, 9)), side)
-    assert few.blocks.shape == (0, BLOCKS)
-    assert terrain.decode(terrain.encode(few)).blocks.shape == (0, BLOCKS)
+    assert few.pieces.shape == (1, SIDES)
+    found = terrain.decode(terrain.encode(few))
+    assert found.pieces.tobytes() == few.pieces.tobytes()
 
 
 def test_blocks_come_back_and_other_counts_are_a_fault() -> None:
-    tile = blocked(rough(1, 100.0))
+    tile = in_pieces(rough(1, 100.0))
     found = terrain.decode(terrain.encode(tile))
-    assert found.blocks.tobytes() == tile.blocks.tobytes()
+    assert found.pieces.tobytes() == tile.pieces.tobytes()
     assert found.rungs.tobytes() == tile.rungs.tobytes()
     assert found.mesh.indices.tobytes() == tile.mesh.indices.tobytes()
     for rung in (0, 1):
-        wrong = tile.blocks.copy()
-        wrong["count"][rung, 7] += 1
-        with pytest.raises(TileFault, match="blocks are not its surface"):
-            terrain.decode(terrain.encode(replace(tile, blocks=wrong)))
-    for wrong in (tile.blocks[:1], np.concatenate([tile.blocks, tile.blocks])):
+        for piece, fault in ((7, "blocks are not its surface"), (-1, "sides are not its")):
+            wrong = tile.pieces.copy()
+            wrong["count"][rung, piece] += 1
+            with pytest.raises(TileFault, match=fault):
+                terrain.decode(terrain.encode(replace(tile, pieces=wrong)))
+    for wrong in (tile.pieces[:1], np.concatenate([tile.pieces, tile.pieces])):
         with pytest.raises(TileFault, match="another length"):
-            terrain.decode(terrain.encode(replace(tile, blocks=wrong)))
+            terrain.decode(terrain.encode(replace(tile, pieces=wrong)))
     with pytest.raises(TileFault, match="another length"):
-        terrain.decode(terrain.encode(replace(tile, blocks=tile.blocks[:, :9])))
+        terrain.decode(terrain.encode(replace(tile, pieces=tile.pieces[:, :9])))
 
 
 def test_a_rung_whose_surface_is_longer_than_itself_is_a_fault() -> None:
     tile = rough(2, 100.0)
     rungs = tile.rungs.copy()
-    rungs["surface_index_count"] += 3
+    rungs["surface_index_count"] = rungs["index_count"] + 3
     with pytest.raises(TileFault, match="a rung beyond"):
         terrain.decode(terrain.encode(replace(tile, rungs=rungs)))
 
@@ -135,8 +177,8 @@ def test_a_mesh_with_an_empty_rung_is_put_into_blocks() -> None:
     tile = rough(3, 100.0)
     rungs = tile.rungs.copy()
     rungs["surface_index_count"] = rungs["index_count"] = 0
-    found = blocked(replace(tile, rungs=rungs))
-    assert found.blocks["count"].sum(axis=1).tolist() == [2048, 0]
+    found = in_pieces(replace(tile, rungs=rungs))
+    assert found.pieces["count"].sum(axis=1).tolist() == [2048 + 256, 0]
     assert isinstance(found.mesh, Mesh)
 
 
@@ -151,4 +193,4 @@ def test_triangles_lie_along_a_morton_curve_and_those_of_one_place_stay_in_order
     woven = [int("".join(y + x for x, y in zip(*two, strict=True)), 2) for two in pairs]
     assert code.tolist() == woven
     order = sorted(range(len(code)), key=lambda k: woven[k])
-    assert (blocked(before).surface() == before.surface()[order]).all()
+    assert (in_pieces(before).surface() == before.surface()[order]).all()

@@ -17,7 +17,7 @@ from viewer import cull
 from viewer.camera import Pose, project, view_state
 from viewer.cull_objects import cull_objects
 from viewer.look import PLAIN, frame_block
-from viewer.slots import PATCH_M, POOL, SLOT, make_blocks, make_slots
+from viewer.slots import PATCH_M, POOL, SLOT, make_pieces, make_slots
 
 SIZE = (640, 360)
 
@@ -93,7 +93,7 @@ def terrain_lists(rng: np.random.Generator, n: int) -> cull.Lists:
     slots["scale_m"] = rng.random(n)
     slots["noise"] = rng.random((n, 3))
     rows = rng.permutation(n).astype(np.int32)
-    return cull.Lists(rows, slots, centre, radius, cubes(radius), records, make_blocks(1))
+    return cull.Lists(rows, slots, centre, radius, cubes(radius), records, make_pieces(1))
 
 
 def whole(lists: cull.Lists) -> np.ndarray:
@@ -208,7 +208,7 @@ def test_the_screen_error_is_the_area_weighted_mean() -> None:
     radius = np.array([1000.0, 500.0])
     boxes = centre, radius, cubes(radius)
     rows = np.arange(2, dtype=np.int32)
-    lists = cull.Lists(rows, slots, *boxes, records, make_blocks(1))
+    lists = cull.Lists(rows, slots, *boxes, records, make_pieces(1))
     view = view_state(Pose(0.0, 0.0, 1e6, 0.0, -math.pi / 2), SIZE)
     room = cull.make_room(2)
     skirt = np.zeros(2, np.float32)
@@ -264,7 +264,7 @@ def prepared(world: World) -> tuple[cull.Room, cull.Lists, np.ndarray]:
     slots[0]["proxy_count"][proxy["child"]] = proxy["index_end"] - proxy["index_start"]
     rows = np.zeros(1, np.int32)
     boxes = forest.centre, forest.radius_m, cubes(forest.radius_m)
-    lists = cull.Lists(rows, slots, *boxes, forest.records, make_blocks(1))
+    lists = cull.Lists(rows, slots, *boxes, forest.records, make_pieces(1))
     return cull.make_room(8), lists, pool
 
 
@@ -287,7 +287,7 @@ def test_what_the_gpu_gets_is_exact_to_a_hundredth_of_a_pixel(
             np.full(1, 200.0),
             cubes(np.full(1, 200.0)),
             np.zeros(1, INDEX),
-            make_blocks(1),
+            make_pieces(1),
         )
         room = cull.make_room(1)
         skirt = np.zeros(1, np.float32)

@@ -16,7 +16,7 @@ from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from tiles.mesh import ROOF, SKIRT, UV_ONE, VERTEX, WALL, Mesh, quantise
 from tiles.objects import OBJECT, PROXY, PROXY_ORDINAL, ObjectTile
-from tiles.terrain import MIP_SIDES, TerrainTile, blocked
+from tiles.terrain import MIP_SIDES, TerrainTile, in_pieces
 
 Height = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 Rgb = tuple[int, int, int]
@@ -71,7 +71,7 @@ def terrain_tile(
     skirt = np.stack((rim, hang, rim[nxt], rim[nxt], hang, hang[nxt]), -1).ravel()
     indices = np.concatenate([surface, skirt]).astype(np.uint16)
     mesh = Mesh(Ecef(centre), scale, vertices, indices)
-    return blocked(TerrainTile(cell, mesh, len(surface), 20_000.0, 0.0, texture))
+    return in_pieces(TerrainTile(cell, mesh, len(surface), 20_000.0, 0.0, texture))
 
 
 def _rim(side: int) -> NDArray[np.int64]:
