@@ -32,22 +32,18 @@ What follows from it:
 - Cells of one level, sorted, are in Morton (Z) order inside each zone.
 
 Every function takes Python ints or int64 arrays of any shape, broadcasts, and gives
-int64 of that shape. Ids are trusted; only ``is_valid`` and the functions that say so
-check anything.
+int64 of that shape. Ids are trusted; only the functions that say so check anything.
 """
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tiles import zones
-from tiles.frames import Floats, Ints
+from tiles.frames import Ints
 from tiles.zones import Bounds, FloatLike, IntLike
 
 MAX_LEVEL = 28
 _ONE = np.int64(1)
-_SENTINELS = sum(1 << 2 * k for k in range(MAX_LEVEL + 1))
 _SPREAD = (
     (16, 0x0000FFFF0000FFFF),
     (8, 0x00FF00FF00FF00FF),
@@ -75,14 +71,6 @@ def make(zone: IntLike, level: IntLike, row: IntLike, col: IntLike) -> Ints:
     return ((zone << 2 * level | morton) << 1 | 1) << 2 * (MAX_LEVEL - level)
 
 
-def is_valid(cell: IntLike) -> NDArray[np.bool_]:
-    """Tell whether a number is the id of a cell."""
-    cell = np.asarray(cell, np.int64)
-    sentinel = _sentinel(cell)
-    allowed = (sentinel & _SENTINELS) != 0
-    return np.asarray(allowed & (cell > 0) & (cell >> 2 * MAX_LEVEL + 1 < zones.COUNT))[()]
-
-
 def level(cell: IntLike) -> Ints:
     """Return the level, 0 for a whole zone."""
     return MAX_LEVEL - _zeros(cell) // 2
@@ -100,11 +88,6 @@ def row_col(cell: IntLike) -> tuple[Ints, Ints]:
     # The zone is cut off after the shift: 56 - zeros = 2 * level Morton bits stay.
     morton = (cell >> zeros + 1) & ((_ONE << 2 * MAX_LEVEL - zeros) - 1)
     return _gather(morton >> 1), _gather(morton)
-
-
-def parent(cell: IntLike) -> Ints:
-    """Return the parent; ValueError for a zone root, which has none."""
-    return ancestor(cell, level(cell) - 1)
 
 
 def ancestor(cell: IntLike, level: IntLike) -> Ints:
@@ -213,40 +196,10 @@ def bounds_rad(
     return zones.grid_bounds_rad(level(cell), row, col)
 
 
-def uv_in_cell(
-    cell: IntLike, lon_rad: FloatLike, lat_rad: FloatLike
-) -> tuple[Floats, Floats]:
-    """Return where a point lies in a cell: u from west 0 to east 1, v from south to north.
-
-    Points of the cell, edges included, give values in [0, 1]; points outside give
-    values outside, counted the shorter way around the globe.
-    """
-    west, south, east, north = bounds_rad(cell)
-    lon = np.asarray(lon_rad, np.float64)
-    # Turn whole rounds only when needed: a turn costs the last bits of the longitude.
-    away = lon - (west + east) / 2
-    turns = np.where(np.abs(away) > math.pi, np.round(away / (2 * math.pi)), 0.0)
-    lon = lon - turns * (2 * math.pi)
-    u = (lon - west) / (east - west)
-    return u, (np.asarray(lat_rad, np.float64) - south) / (north - south)
-
-
 def text(cell: int | np.int64) -> str:
     """Return one cell as "zone/level/row/col", for messages."""
     row, col = row_col(cell)
     return f"{int(zone(cell))}/{int(level(cell))}/{int(row)}/{int(col)}"
-
-
-def parse(words: str) -> int:
-    """Return the cell that ``text`` wrote; ValueError when it is none."""
-    parts = words.strip().split("/")
-    if not all(part.isascii() and part.isdigit() for part in parts):
-        raise ValueError(f"{words!r} is not a cell written as zone/level/row/col")
-    try:
-        zone, level, row, col = (int(part) for part in parts)
-        return int(make(zone, level, row, col))
-    except (OverflowError, ValueError) as error:
-        raise ValueError(f"{words!r} is not a zone/level/row/col of the forest") from error
 
 
 def _require_level(level: IntLike) -> None:

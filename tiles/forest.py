@@ -45,13 +45,6 @@ class Forest:
         """Return the row of each cell, -1 where the index has none."""
         return _rows_of(self.records["cell"], np.asarray(cell, np.int64))
 
-    def deepest_at(self, lon_rad: float, lat_rad: float) -> int:
-        """Return the row of the deepest cell that contains a place, -1 if there is none."""
-        levels = np.arange(cells.MAX_LEVEL + 1)
-        path = np.array([cells.cell_at(lon_rad, lat_rad, int(n)) for n in levels])
-        found = self.row_of(path)
-        return int(found[found >= 0].max(initial=NONE))
-
 
 def build_forest(records: NDArray[np.void]) -> Forest:
     """Link index records, (n,) INDEX in any order, to a forest."""

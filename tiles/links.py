@@ -23,19 +23,13 @@ from tiles import cells, zones
 from tiles.frames import Ints
 from tiles.zones import FloatLike, IntLike
 
-# Steps (north, east) in the order S, E, N, W, then SE, NE, NW, SW.
-_NORTH = np.array((-1, 0, 1, 0, -1, 1, 1, -1), np.int64)
-_EAST = np.array((0, 1, 0, -1, 1, 1, -1, -1), np.int64)
-_EDGES = 4
+# Steps (north, east) in the order S, E, N, W.
+_NORTH = np.array((-1, 0, 1, 0), np.int64)
+_EAST = np.array((0, 1, 0, -1), np.int64)
 
 
 def edge_neighbours(cell: IntLike) -> Ints:
     """Return the four cells across the edges, shape (..., 4), order S, E, N, W."""
-    return _stepped(cell, _NORTH[:_EDGES], _EAST[:_EDGES])
-
-
-def neighbours(cell: IntLike) -> Ints:
-    """Return the eight cells around, shape (..., 8), order S, E, N, W, SE, NE, NW, SW."""
     return _stepped(cell, _NORTH, _EAST)
 
 

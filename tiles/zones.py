@@ -39,14 +39,6 @@ def row_col(zone: IntLike) -> tuple[Ints, Ints]:
     return zone // COLUMNS, zone % COLUMNS
 
 
-def bounds_rad(
-    zone: IntLike,
-) -> Bounds:
-    """Return (west, south, east, north) of a zone in radians."""
-    row, col = row_col(zone)
-    return grid_bounds_rad(0, row, col)
-
-
 def step_rad(level: IntLike) -> Floats:
     """Return the side of a cell of a level in radians, float64, exactly pi/4 / 2**level."""
     return np.asarray(np.ldexp(SIZE_RAD, -np.asarray(level, np.int32)))[()]

@@ -182,7 +182,7 @@ def test_all_leaves_of_a_larger_cell_together_miss_nothing(
 def test_triangles_outside_the_leaf_are_not_measured(
     truth: Truth, rng: np.random.Generator
 ) -> None:
-    cell = int(cells.parent(truth.cell))
+    cell = int(cells.ancestor(truth.cell, cells.level(truth.cell) - 1))
     surface = build_surface(cell, lattice_of(cell, rng.normal(0, 200, (17, 17))), 10.0)
     west, south, east, north = cells.bounds_rad(cell)
     left, low, _, _ = cells.bounds_rad(truth.cell)

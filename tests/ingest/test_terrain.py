@@ -30,6 +30,7 @@ from tests.ingest.rasters import (
     north_up,
     write,
 )
+from tests.tiles.places import uv_in_cell
 from tiles import cells, terrain
 from tiles.check import faults_of
 from tiles.errors import InputError
@@ -182,7 +183,7 @@ def colour_at(store: Store, lon_rad: float, lat_rad: float) -> NDArray[np.float6
     surface = Surface(store)
     row = surface.rows(np.array([lon_rad]), np.array([lat_rad]))[0]
     tile = terrain.decode(store.body(int(surface.forest.records["row"][row])))
-    u, v = (float(w) for w in cells.uv_in_cell(tile.cell, lon_rad, lat_rad))
+    u, v = (float(w) for w in uv_in_cell(tile.cell, lon_rad, lat_rad))
     block = tile.texture[: terrain.MIP_BYTES[0]].reshape(64, 64, 8)[
         int(v * 64), int(u * 64)
     ]

@@ -23,6 +23,7 @@ from tests.ingest.rasters import (
     source_height_m,
     write,
 )
+from tests.tiles.places import uv_in_cell
 from tiles import cells, geodesy, terrain, zones
 from tiles.check import faults_of
 from tiles.forest import Forest, build_forest
@@ -105,7 +106,7 @@ def test_inner_errors_bound_the_distance_to_the_finest_surface(
             for leaf in np.unique(leaf_rows):
                 at = leaf_rows == leaf
                 leaf_tile = tile_of(store, surface.forest.records[leaf])
-                place = np.stack(cells.uv_in_cell(leaf_tile.cell, lon[at], lat[at]), axis=1)
+                place = np.stack(uv_in_cell(leaf_tile.cell, lon[at], lat[at]), axis=1)
                 fine[at] = drawn(leaf_tile, place)
             gap = np.linalg.norm(drawn_here - fine, axis=1)
             # Both are measured against the sources.

@@ -37,6 +37,7 @@ from tests.ingest.rasters import (
     places_deg,
     write,
 )
+from tests.tiles.places import uv_in_cell
 from tiles import cells, geodesy
 from tiles.mesh import UV_ONE
 from tiles.terrain import TerrainTile
@@ -252,7 +253,7 @@ def test_a_cell_lies_in_its_ancestor_where_longitudes_and_latitudes_say(
         u, v, size = window_in(ancestor, cell)
         west, south, east, north = cells.bounds_rad(cell)
         edges = np.array([west, east]), np.array([south, north])
-        left, low = cells.uv_in_cell(ancestor, *edges)
+        left, low = uv_in_cell(ancestor, *edges)
         np.testing.assert_allclose(left, [u, u + size], atol=1e-9)
         np.testing.assert_allclose(low, [v, v + size], atol=1e-9)
 

@@ -49,7 +49,9 @@ def test_parents_and_children_are_those_of_the_ids(forest: Forest) -> None:
         if cells.level(one) == 0:
             assert forest.parent[k] == NONE
         else:
-            assert forest.parent[k] == row_of[int(cells.parent(one))]
+            assert (
+                forest.parent[k] == row_of[int(cells.ancestor(one, cells.level(one) - 1))]
+            )
         wanted = [row_of.get(int(child), NONE) for child in cells.children(one)]
         assert forest.children[k].tolist() == wanted
 
@@ -72,23 +74,10 @@ def test_rows_of_cells_and_of_strangers(forest: Forest) -> None:
     assert forest.row_of(np.array([[stranger, int(ids[3])]])).tolist() == [[NONE, 3]]
 
 
-def test_the_deepest_cell_at_a_place(forest: Forest, rng: np.random.Generator) -> None:
-    for lon, lat in zip(
-        rng.uniform(-3.14, 3.14, 50), rng.uniform(-1.5, 1.5, 50), strict=True
-    ):
-        held = [
-            k
-            for k, one in enumerate(forest.records["cell"])
-            if cells.contains(one, cells.cell_at(lon, lat, cells.MAX_LEVEL))
-        ]
-        assert forest.deepest_at(float(lon), float(lat)) == max(held)
-
-
 def test_an_empty_index_is_a_forest() -> None:
     empty = build_forest(np.zeros(0, INDEX))
     assert len(empty.records) == len(empty.parent) == 0
     assert empty.children.shape == empty.links.shape == (0, 4)
-    assert empty.deepest_at(0.0, 0.0) == NONE
     assert empty.row_of(5) == NONE
     assert empty.nbytes == 0
 

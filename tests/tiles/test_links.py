@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.tiles.places import uv_in_cell
 from tiles import cells, geodesy, links
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -27,11 +28,11 @@ def edge_loving_cells(draw: st.DrawFn) -> int:
     return int(cells.make(draw(st.integers(0, 31)), level, draw(side), draw(side)))
 
 
-def touching(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compare rectangles in degrees: (share a point, share an edge), every a with every b.
+def touching(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Compare rectangles in degrees: every a shares an edge with every b or not.
 
     Longitudes are compared the shorter way around. At a pole a cell also touches, over
-    the pole, the cell of the opposite meridian (edge) and that one's sides (corner).
+    the pole, the cell of the opposite meridian.
     """
     tiny = 1e-9
     aw, as_, ae, an = (np.degrees(side)[:, None] for side in cells.bounds_rad(a))
@@ -43,55 +44,38 @@ def touching(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     beside = (shared_lat > -tiny) & (shared_lon > -tiny)
     pole = ((an > 90 - tiny) & (bn > 90 - tiny)) | ((as_ < -90 + tiny) & (bs < -90 + tiny))
     columns = (180 - apart) / (ae - aw)
-    point = beside | (pole & (columns < 1.1))
     along = beside & ((shared_lat > tiny) | (shared_lon > tiny))
-    return point, along | (pole & (columns < 0.1))
+    return along | (pole & (columns < 0.1))
 
 
 @pytest.mark.parametrize("level", range(5))
-def test_neighbours_are_the_cells_that_touch(level: int) -> None:
+def test_neighbours_are_the_cells_that_touch_along_an_edge(level: int) -> None:
     ids = np.sort(every_cell(level))
     for part in np.array_split(ids, max(1, len(ids) // 512)):
-        itself = part[:, None] == ids[None, :]
-        for found, expected in zip(
-            (links.neighbours(part), links.edge_neighbours(part)),
-            touching(part, ids),
-            strict=True,
-        ):
-            ours = np.zeros_like(expected)
-            np.put_along_axis(ours, np.searchsorted(ids, found), values=True, axis=1)
-            assert np.array_equal(ours, expected & ~itself)
+        itself, expected = part[:, None] == ids[None, :], touching(part, ids)
+        ours = np.zeros_like(expected)
+        found = np.searchsorted(ids, links.edge_neighbours(part))
+        np.put_along_axis(ours, found, values=True, axis=1)
+        assert np.array_equal(ours, expected & ~itself)
 
 
 @pytest.mark.parametrize("level", range(5))
-def test_every_cell_has_eight_different_valid_neighbours_that_know_it(level: int) -> None:
+def test_every_cell_has_four_different_neighbours_that_know_it(level: int) -> None:
     ids = every_cell(level)
-    around = links.neighbours(ids)
-    assert cells.is_valid(around).all()
-    assert (cells.level(around) == level).all()
-    ordered = np.sort(np.concatenate((around, ids[:, None]), axis=1), axis=1)
-    assert (np.diff(ordered, axis=1) > 0).all()
-    assert (links.neighbours(around) == ids[:, None, None]).any(axis=-1).all()
     across = links.edge_neighbours(ids)
+    assert np.isin(across, ids).all()
+    ordered = np.sort(np.concatenate((across, ids[:, None]), axis=1), axis=1)
+    assert (np.diff(ordered, axis=1) > 0).all()
     assert (links.edge_neighbours(across) == ids[:, None, None]).any(axis=-1).all()
 
 
 @given(edge_loving_cells())
-def test_deep_neighbours_are_different_valid_and_know_the_cell(cell: int) -> None:
-    around = links.neighbours(cell)
-    assert cells.is_valid(around).all()
-    assert len({cell, *around.tolist()}) == 9
-    assert (cells.level(around) == cells.level(cell)).all()
-    assert (links.neighbours(around) == cell).any(axis=-1).all()
-    assert (links.edge_neighbours(around[:4]) == cell).any(axis=-1).all()
-    assert np.array_equal(links.edge_neighbours(cell), around[:4])
-
-
-@given(edge_loving_cells())
-def test_deep_neighbours_touch(cell: int) -> None:
-    point, edge = touching(np.array([cell]), links.neighbours(cell))
-    assert point.all()
-    assert edge[0, :4].all()
+def test_deep_neighbours_are_different_touch_and_know_the_cell(cell: int) -> None:
+    across = links.edge_neighbours(cell)
+    assert len({cell, *across.tolist()}) == 5
+    assert (cells.level(across) == cells.level(cell)).all()
+    assert (links.edge_neighbours(across) == cell).any(axis=-1).all()
+    assert touching(np.array([cell]), across).all()
 
 
 @given(edge_loving_cells())
@@ -142,16 +126,13 @@ def test_linked_cells_are_the_cell_and_those_around_the_nearest_corner(
     level = int(cells.level(cell))
     point = west + u * (east - west), south + v * (north - south)
     # Decide by the point's own fractions: rounding moves it at the deepest levels.
-    got_u, got_v = cells.uv_in_cell(cell, *point)
+    got_u, got_v = uv_in_cell(cell, *point)
     if min(abs(got_u - 0.5), abs(got_v - 0.5)) < 1e-6:
         return
-    southern, eastern, northern, western, se, ne, nw, sw = links.neighbours(cell)
-    side, above, corner = {
-        (False, False): (western, southern, sw),
-        (True, False): (eastern, southern, se),
-        (False, True): (western, northern, nw),
-        (True, True): (eastern, northern, ne),
-    }[bool(got_u > 0.5), bool(got_v > 0.5)]
+    across, along = EAST if got_u > 0.5 else WEST, NORTH if got_v > 0.5 else SOUTH
+    around = links.edge_neighbours(cell)
+    side, above = around[across], around[along]
+    corner = links.edge_neighbours(side)[along]
     assert links.linked_cells(*point, level).tolist() == [cell, side, above, corner]
 
 
@@ -192,17 +173,6 @@ def disc_points(
     lon, lat = (np.broadcast_to(np.degrees(x), azimuth.shape) for x in (lon, lat))
     lon, lat, _ = GEOD.fwd(lon, lat, azimuth, reach)
     return np.radians(lon), np.radians(lat)
-
-
-@pytest.mark.parametrize("level", [1, 2, 4, 8, 14, 17, 22])
-def test_an_object_below_its_cells_width_stays_within_the_neighbours(
-    rng: np.random.Generator, level: int
-) -> None:
-    home = homes(rng, level)
-    lon, lat = disc_points(rng, home, geodesy.cell_width_m(home) / 2)
-    touched = cells.cell_at(lon, lat, level)
-    allowed = np.concatenate((home[:, None], links.neighbours(home)), axis=1)
-    assert (touched[:, :, None] == allowed[:, None, :]).any(axis=-1).all()
 
 
 @pytest.mark.parametrize("level", [1, 2, 4, 8, 14, 17, 22])

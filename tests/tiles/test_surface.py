@@ -16,6 +16,7 @@ from tests.ingest.rasters import (
     places_in,
     source_height_m,
 )
+from tests.tiles.places import uv_in_cell
 from tiles import cells, terrain
 from tiles.errors import TileFault
 from tiles.geodesy import to_geodetic
@@ -127,7 +128,7 @@ def searched_m(store: Store, surface: Surface, row: int, lon: float, lat: float)
     record = surface.forest.records[row]
     key = int(record["cell"]), int(record["row"]), int(record["check"])
     tile = terrain.decode(store.checked_body(Lane.TERRAIN, *key))
-    u, v = cells.uv_in_cell(tile.cell, lon, lat)
+    u, v = uv_in_cell(tile.cell, lon, lat)
     triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
     uv = tile.mesh.vertices["detail"][triangles] / UV_ONE - np.array([u, v])
     ahead, behind = np.roll(uv, -1, axis=1), np.roll(uv, -2, axis=1)

@@ -15,7 +15,7 @@ def test_zones_count_east_from_the_antimeridian_and_north_from_the_south_pole() 
     zone = np.arange(zones.COUNT)
     row, col = zones.row_col(zone)
     assert np.array_equal(zones.zone_of(row, col), zone)
-    west, south, east, north = np.degrees(zones.bounds_rad(zone))
+    west, south, east, north = np.degrees(zones.grid_bounds_rad(0, row, col))
     assert np.allclose(west, -180 + 45 * (zone % 8))
     assert np.allclose(south, -90 + 45 * (zone // 8))
     assert np.allclose(east - west, 45)
@@ -23,7 +23,9 @@ def test_zones_count_east_from_the_antimeridian_and_north_from_the_south_pole() 
 
 
 def test_the_zones_end_exactly_at_the_poles_and_the_antimeridian() -> None:
-    west, south, east, north = zones.bounds_rad(np.arange(zones.COUNT))
+    west, south, east, north = zones.grid_bounds_rad(
+        0, *zones.row_col(np.arange(zones.COUNT))
+    )
     assert (west.min(), south.min()) == (-math.pi, -math.pi / 2)
     assert (east.max(), north.max()) == (math.pi, math.pi / 2)
 

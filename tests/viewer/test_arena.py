@@ -131,7 +131,7 @@ def test_the_arena_shares_out_its_budget() -> None:
 def test_grain_of_touching_cells_meets() -> None:
     west = int(cells.cell_at(0.3, 0.2, 18))
     east = int(cells.from_global(18, *np.add(cells.global_row_col(west), (0, 1))))
-    parent = int(cells.parent(west))
+    parent = int(cells.ancestor(west, cells.level(west) - 1))
     west_u, _, patches = noise_of(west)
     assert FAR_PERIOD % NEAR_PERIOD == 0
     assert (west_u + patches) % FAR_PERIOD == noise_of(east)[0] % FAR_PERIOD
