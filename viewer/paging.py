@@ -61,6 +61,10 @@ class Paging:
             lane: np.zeros(len(tree.parent), np.uint8) for lane, tree in self.trees.items()
         }
         self.seen = Seen()
+        self.upload_bytes = UPLOAD_BYTES
+        """taken over in a frame"""
+        self.uploaded: set[tuple[Lane, int]] = set()
+        """what the last frame took over"""
         self.now_s = 0.0
         """of the flight; the trace's clock"""
 
@@ -72,8 +76,10 @@ class Paging:
         for lane, row in pager.releases(drawn.number):
             self._there[lane][row] = 0
             pager.released(lane, row)
-        for item in pager.take_uploads(UPLOAD_BYTES):
+        self.uploaded.clear()
+        for item in pager.take_uploads(self.upload_bytes):
             self._there[item.lane][item.row] = 1
+            self.uploaded.add((item.lane, item.row))
             pager.uploaded(item.lane, item.row)
         return drawn
 

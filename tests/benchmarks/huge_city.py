@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from geopage.settings import MIB, PagerSettings
 from geopage.view import ViewState
+from tests.geopage.trial import Trial, approach
 from tests.geopage.worlds import SPOT, deep_globe, terrain_body, write_lane
 from tiles import bounds, cells, zones
 from tiles.codec import checksum
@@ -46,8 +47,7 @@ from viewer.paging_numbers.limits import (
     in_words,
     line,
 )
-from viewer.stability.site import DOWN_RAD, Site, approach
-from viewer.stability.trial import Trial
+from viewer.stability.site import DOWN_RAD, Site
 
 BLOCK_LEVEL, TILE_LEVELS = 14, (8, 10, 12, 14)
 ERRORS_M = {8: 160.0, 10: 40.0, 12: 10.0, 14: 0.0}

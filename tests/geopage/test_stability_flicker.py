@@ -14,12 +14,12 @@ from geopage.screen_error import is_hidden, lens_of
 from geopage.selection import Thresholds, everything, select
 from geopage.transitions import OWN
 from geopage.view import ViewState
+from tests.geopage.trial import Trial
 from tests.geopage.worlds import SPOT
 from tiles.lanes import Lane
 from viewer.flight import FRAME_S
 from viewer.stability.row import first_bad
 from viewer.stability.site import Site
-from viewer.stability.trial import Trial
 
 SWAY, HEIGHTS = 0.005, 8
 HERTZ = 2.0

@@ -8,11 +8,11 @@ import pytest
 
 from geopage.selection import ideal
 from geopage.view import ViewState
+from tests.geopage.trial import PLAIN, Trial, approach
 from tests.geopage.worlds import SPOT
 from tiles.lanes import Lane
 from viewer.flight import FRAME_S
-from viewer.stability.site import Site, approach
-from viewer.stability.trial import PLAIN, Trial
+from viewer.stability.site import Site
 
 FINE = replace(PLAIN, threshold_px=0.3)
 HEIGHT_M, REST_S = 3e6, 6.0

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from geopage.view import ViewState
+from tests.geopage.trial import Trial
 from tests.geopage.worlds import SPOT
 from tiles.frames import WGS84_A_M
 from viewer.flight import FRAME_S
 from viewer.stability.site import Site
-from viewer.stability.trial import Trial
 
 NEAR_M = 300.0
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from geopage.settings import Throttle
+from tests.geopage.trial import HIGH_M, PLAIN, Trial, approach
 from tests.geopage.worlds import SPOT, deep_globe, object_records, write_store
 from tiles.lanes import Lane
-from viewer.stability.site import HIGH_M, Site, approach
-from viewer.stability.trial import PLAIN, Trial
+from viewer.stability.site import Site
 
 SITE, NEAR_M = Site(*SPOT), 300.0
 SPOIL = {

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.geopage.trial import HIGH_M, PLAIN, Trial
 from tests.geopage.worlds import SPOT
 from tiles.lanes import Lane
 from viewer.flight import FRAME_S
-from viewer.stability.site import HIGH_M, Site, tiles_a_frame
-from viewer.stability.trial import PLAIN, Trial
+from viewer.stability.site import Site, tiles_a_frame
 
 PATIENCE_S = 1.0
 

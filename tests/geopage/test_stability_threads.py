@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Failures: a thread dies, threads do not end, threads work although nothing changes."""
 
+import itertools
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geopage.manager import TileManager
@@ -11,10 +13,11 @@ from geopage.pager import Pager
 from geopage.scene import SceneManager
 from geopage.server import TileServer
 from geopage.settings import PagerSettings, Throttle
+from tests.geopage.trial import HIGH_M
 from tests.geopage.worlds import SPOT
 from viewer.stability.paging_threads import (
+    PAUSE_S,
     busy_at_rest_s,
-    longest_shutdown_s,
     threads_of,
     turn,
 )
@@ -22,6 +25,8 @@ from viewer.stability.site import Site
 
 SITE = Site(*SPOT)
 FRAME_ASKS = 50
+LATEST_S = 0.02
+"""Moments of closing lie so long after the start, at most."""
 
 
 def fall(pager: Pager, frames: int = 20_000) -> None:
@@ -56,6 +61,32 @@ def test_what_kills_a_thread_surfaces_in_the_caller_and_ends_the_others(
     pager.close()
     assert time.monotonic() - start_s < 2.0
     assert not threads_of(pager)
+
+
+def longest_shutdown_s(
+    store: Path, site: Site, count: int, settings: PagerSettings | None = None
+) -> float:
+    """Close pagers with all their threads at random moments of a fall.
+
+    Returns
+    -------
+    The longest that closing took, and that a thread lived on: at most 2 s.
+    """
+    rng, longest = np.random.default_rng(5), 0.0
+    for moment_s in rng.uniform(0.0, LATEST_S, count).tolist():
+        pager = Pager(store, settings, dry=settings is None)
+        pager.start()
+        start_s = time.monotonic()
+        for i in itertools.count():
+            if time.monotonic() - start_s >= moment_s:
+                break
+            turn(pager, site.view(HIGH_M * 0.5**i, t_s=i * PAUSE_S))
+        start_s = time.monotonic()
+        pager.close()
+        while threads_of(pager):
+            time.sleep(PAUSE_S)
+        longest = max(longest, time.monotonic() - start_s)
+    return longest
 
 
 def test_threads_end_in_time_whenever_they_are_told_to(store_path: Path) -> None:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.geopage.trial import HIGH_M, PLAIN, Trial
 from tests.geopage.worlds import SPOT, object_records, wide_globe, write_index
 from tiles.lanes import Lane
 from viewer import settle
 from viewer.flight import UPLOAD_BYTES, UPLOAD_S
-from viewer.stability.site import HIGH_M, Site
-from viewer.stability.trial import PLAIN, Trial
+from viewer.stability.site import Site
 
 BURST_BYTES = 16 << 20
 TILE_BYTES = 100_000

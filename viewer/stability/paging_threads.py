@@ -1,49 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Known ways in which threads fail: they wake for nothing, or they do not end."""
+"""What the threads of a pager do while nothing changes: nothing."""
 
-import itertools
 import threading
 import time
 from pathlib import Path
 
-import numpy as np
-
 from geopage.pager import Pager
-from geopage.settings import PagerSettings
 from geopage.view import ViewState
-from viewer.stability.site import HIGH_M, Site
+from viewer.stability.site import Site
 
-SEED = 5
-LATEST_S = 0.02
-"""Moments of closing lie so long after the start, at most."""
 PAUSE_S = 0.002
 QUIET_S = 0.05
-
-
-def longest_shutdown_s(
-    store: Path, site: Site, count: int, settings: PagerSettings | None = None
-) -> float:
-    """Close pagers with all their threads at random moments of a fall.
-
-    Returns
-    -------
-    The longest that closing took, and that a thread lived on: at most 2 s.
-    """
-    rng, longest = np.random.default_rng(SEED), 0.0
-    for moment_s in rng.uniform(0.0, LATEST_S, count).tolist():
-        pager = Pager(store, settings, dry=settings is None)
-        pager.start()
-        start_s = time.monotonic()
-        for i in itertools.count():
-            if time.monotonic() - start_s >= moment_s:
-                break
-            turn(pager, site.view(HIGH_M * 0.5**i, t_s=i * PAUSE_S))
-        start_s = time.monotonic()
-        pager.close()
-        while threads_of(pager):
-            time.sleep(PAUSE_S)
-        longest = max(longest, time.monotonic() - start_s)
-    return longest
 
 
 def turn(pager: Pager, view: ViewState) -> None:

@@ -2,7 +2,6 @@
 """A spot with detail, how to look at it, and how fast its tiles come."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from viewer.flight import FRAME_S
 
 SIZE_PX = (1280, 720)
 DOWN_RAD = -math.pi / 2
-HIGH_M = 1e7
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +38,6 @@ class Site:
         lon, height_m = self.lon_rad + east_rad, self.ground_m + above_m
         pose = Pose(lon, self.lat_rad, height_m, 0.0, pitch_rad)
         return view_state(pose, SIZE_PX, t_s=t_s)
-
-
-def approach(site: Site, above_m: float, seconds: float = 4.0) -> Iterator[ViewState]:
-    """Fly in from far above."""
-    count = round(seconds / FRAME_S)
-    for i, height_m in enumerate(np.geomspace(HIGH_M, above_m, count).tolist()):
-        yield site.view(height_m, t_s=i * FRAME_S)
 
 
 def tiles_a_frame(store: Path, tiles: float) -> Throttle:

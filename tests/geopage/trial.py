@@ -6,7 +6,7 @@ line takes what it says. So two runs do the same on any machine. Nothing is draw
 unless `dry` is off, nothing is read.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,8 +16,7 @@ from geopage.draw_list import DrawList
 from geopage.exchange import Upload
 from geopage.pager import Pager
 from geopage.residency import Key
-from geopage.screen_error import lens_of
-from geopage.selection import Thresholds, everything, select, trees_of
+from geopage.selection import trees_of
 from geopage.settings import PagerSettings
 from geopage.tile_state import State
 from geopage.view import ViewState
@@ -25,11 +24,20 @@ from tiles import cells
 from tiles.closing import Closing
 from tiles.lanes import Lane
 from viewer.flight import FRAME_S, UPLOAD_BYTES
+from viewer.stability.site import Site
 
+HIGH_M = 1e7
 PLAIN = PagerSettings(fade_s=0.0)
 ZONES = 32
 PATIENCE = 2000
 """Frames after which something never happens."""
+
+
+def approach(site: Site, above_m: float, seconds: float = 4.0) -> Iterator[ViewState]:
+    """Fly in from far above."""
+    count = round(seconds / FRAME_S)
+    for i, height_m in enumerate(np.geomspace(HIGH_M, above_m, count).tolist()):
+        yield site.view(height_m, t_s=i * FRAME_S)
 
 
 @dataclass(slots=True)
@@ -167,26 +175,6 @@ class Trial(Closing):
             if self.frame(view).number and self.pager.complete:
                 return i + 1
         raise TimeoutError(f"the view is not settled after {frames} frames")
-
-    def useful(self, view: ViewState) -> set[Key]:
-        """Return all that a view may ask for in good faith.
-
-        That is what it draws of everything, by half the thresholds (for what is kept, and
-        what is asked for early), and what can stand in for that: cells above it, with
-        those beside them.
-        """
-        settings = self.pager.settings
-        limits = Thresholds(settings.threshold_px, settings.objects_px).times(0.5)
-        chosen = select(self.trees, lens_of(view), everything(self.trees), limits)
-        found: set[Key] = set()
-        for lane, kept in chosen.keep.items():
-            tree, rows = self.trees[lane], kept
-            while len(rows):
-                found.update((lane, row) for row in rows.tolist())
-                above = np.unique(tree.parent[rows])
-                rows = above[above >= 0]
-                found.update((lane, row) for row in tree.children[rows].ravel().tolist())
-        return found
 
     def decoded(self, lane: Lane) -> list[int]:
         """Return the rows of a lane that wait for their upload."""
