@@ -6,7 +6,6 @@ does it all, once, in the caller's thread and by the caller's clock. `THREADS.md
 who owns what.
 """
 
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -146,21 +145,6 @@ class Pager(Closing):
     def released(self, lane: Lane, row: int) -> None:
         """Say that a tile's slot is free."""
         self._exchange.say(State.ABSENT, lane, row)
-
-    def prime(self, upload: Callable[[Upload], None], max_bytes: int = 2**26) -> DrawList:
-        """Load and upload until the first draw list is there, before the first frame.
-
-        A view must have been given. With threads running it waits for them.
-        """
-        while not (first := self.draw_list()).number:
-            if self._threads.running:
-                self._threads.closed.wait(1e-3)
-            else:
-                self.step(time.monotonic())
-            for item in self.take_uploads(max_bytes):
-                upload(item)
-                self.uploaded(item.lane, item.row)
-        return first
 
     def set_limits(self, terrain_px: float, objects_px: float | None = None) -> None:
         """Draw with other thresholds from now on. Thread: any; the newest call counts.

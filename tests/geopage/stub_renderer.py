@@ -1,10 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """A renderer without pictures: it uploads, draws, and frees, and checks what it is told."""
 
+import time
+from collections.abc import Callable
+
 from geopage.draw_list import DrawList
 from geopage.pager import Pager, Upload
 from geopage.view import ViewState
 from tiles.lanes import Lane
+
+
+def prime(pager: Pager, upload: Callable[[Upload], None] = lambda _: None) -> DrawList:
+    """Load and upload until the first draw list is there; a view must have been given."""
+    while not (first := pager.draw_list()).number:
+        if pager.wake_ups:
+            time.sleep(1e-3)
+        else:
+            pager.step(time.monotonic())
+        for item in pager.take_uploads(2**26):
+            upload(item)
+            pager.uploaded(item.lane, item.row)
+    return first
 
 
 class StubRenderer:

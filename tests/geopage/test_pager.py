@@ -18,7 +18,7 @@ from geopage.selection import ideal
 from geopage.settings import DETAILS, PagerSettings, Throttle
 from geopage.tile_state import State
 from geopage.view import ViewState
-from tests.geopage.stub_renderer import StubRenderer
+from tests.geopage.stub_renderer import StubRenderer, prime
 from tests.geopage.worlds import SPOT, deep_globe, object_records, view_at, write_store
 from tiles import cells
 from tiles.lanes import Lane
@@ -66,7 +66,7 @@ def test_a_settled_pager_draws_the_ideal(pager: Pager, height_m: float) -> None:
 def test_the_first_list_comes_when_all_zones_are_there(pager: Pager) -> None:
     renderer = StubRenderer(pager)
     assert renderer.frame(view_at(1e7)).number == 0
-    first = pager.prime(renderer.upload)
+    first = prime(pager, renderer.upload)
     assert first.number > 0
     assert (
         0.25 ** cells.level(pager.forests[Lane.TERRAIN].records["cell"][first.terrain])
@@ -199,7 +199,7 @@ def test_threads_settle_at_the_ideal_and_close_in_time(store_path: Path) -> None
     assert sys.getswitchinterval() < interval_s
     renderer = StubRenderer(pager)
     pager.view(view_at(5e4))
-    pager.prime(renderer.upload)
+    prime(pager, renderer.upload)
     for view in (view_at(5e4), view_at(100.0, t_s=0.1)):
         assert_same_picture(
             run_until_settled(renderer, view), ideal(pager.forests, view, 2.0, 2.0)
@@ -249,7 +249,7 @@ def test_an_error_in_a_server_surfaces_in_the_caller(
     pager.start()
     pager.view(view_at(100.0))
     with pytest.raises(Exception, match=r"gone\.geopage"):
-        pager.prime(lambda _: None)
+        prime(pager)
     with pytest.raises(Exception, match=r"gone\.geopage"):
         pager.view(view_at(100.0))
     pager.close()
@@ -264,7 +264,7 @@ def test_stepping_a_started_pager_is_refused(pager: Pager) -> None:
 def test_a_tile_that_nobody_wants_any_more_is_not_uploaded(pager: Pager) -> None:
     renderer = StubRenderer(pager)
     pager.view(view_at(300.0))
-    pager.prime(renderer.upload)
+    prime(pager, renderer.upload)
     for _ in range(10):
         pager.step(0.0)
     waiting = set(pager._residency.ready)
@@ -280,7 +280,7 @@ def test_a_tile_that_nobody_wants_any_more_is_not_uploaded(pager: Pager) -> None
 def test_uploads_keep_to_their_bytes_but_always_make_progress(pager: Pager) -> None:
     renderer = StubRenderer(pager)
     pager.view(view_at(300.0))
-    pager.prime(renderer.upload)
+    prime(pager, renderer.upload)
     for _ in range(10):
         pager.step(0.0)
     assert len(pager.take_uploads(1)) == 1

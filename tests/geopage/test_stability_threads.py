@@ -13,6 +13,7 @@ from geopage.pager import Pager
 from geopage.scene import SceneManager
 from geopage.server import TileServer
 from geopage.settings import PagerSettings, Throttle
+from tests.geopage.stub_renderer import prime
 from tests.geopage.trial import HIGH_M
 from tests.geopage.worlds import SPOT
 from viewer.stability.paging_threads import (
@@ -124,7 +125,7 @@ def test_nothing_begins_while_a_frame_needs_the_gil(
         pager.make_way_for(wants_gil)
         pager.view(SITE.view(1e6, t_s=0.0))
         pager.start()
-        pager.prime(lambda _: None)
+        prime(pager)
     assert set(asked[:FRAME_ASKS]) == {0}
     assert begun
 
