@@ -14,7 +14,8 @@ from geopage.style import DEFAULT_RAMP, OTHERS, Style
 from tiles.errors import InputError
 from tiles.frames import Floats, Ints
 
-UNSTYLED, MISSING_ENTRY, OTHER_ENTRY, FIRST = 0, 1, 2, 3
+MISSING_ENTRY, OTHER_ENTRY, FIRST = 1, 2, 3
+"""Entries of a palette; 0 is for objects without a style."""
 STEPS = 256 - FIRST
 MOST_VALUES = 1 << 16
 """Texts beyond so many different ones count as others."""

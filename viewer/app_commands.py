@@ -83,10 +83,6 @@ def _farther(app: "App") -> None:
     _zoom(app, -1.0)
 
 
-def _go_home(app: "App") -> None:
-    app.do.fly_to(app.navigator.home)
-
-
 def _toggle_frozen(app: "App") -> None:
     app.do.freeze(on=not app.state.frozen)
 

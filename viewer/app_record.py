@@ -34,7 +34,7 @@ class Recorder:
 
     def toggle(self, app: "App") -> None:
         """Begin, or end and save."""
-        self.on = app.state.recording = not self.on
+        self.on = not self.on
         if self.on:
             self._frames = [(app.now_s, app.navigator.pose)]
             app.say("recording a tour: V again saves it")

@@ -41,7 +41,6 @@ class AppState:
     points: list[Ecef] = field(default_factory=list)
     """of the measurement, none to two"""
     bookmarks: list[Bookmark] = field(default_factory=list)
-    recording: bool = False
     shot_scale: int = 2
     """a picture is so many times as wide as the window"""
     out: Path = Path()

@@ -118,11 +118,6 @@ COLUMNS = (
 NAMES = tuple(column.name for column in COLUMNS)
 
 
-def is_timed(row: Json, name: str) -> bool:
-    """Say whether a figure depends on the clock, so that it differs from run to run."""
-    return bool(row["mode"] == "paced" or name.endswith("_ms"))
-
-
 def as_csv(rows: Sequence[Json], about: Json) -> str:
     """Return results.csv: comment lines that say where it was measured, then the table."""
     text = io.StringIO()

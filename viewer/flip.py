@@ -68,11 +68,6 @@ def compare(a: Prepared, b: Prepared) -> F4:
     return np.asarray(colour ** (1 - feature), np.float32)
 
 
-def flip(reference: NDArray[np.uint8], shown: NDArray[np.uint8]) -> F4:
-    """Return the difference of two pictures, (h, w, 3) sRGB, pixel by pixel."""
-    return compare(prepare(reference), prepare(shown))
-
-
 def _to_xyz() -> F4:
     xyz = np.array([(x / y, 1.0, (1 - x - y) / y) for x, y in (*PRIMARIES, WHITE)]).T
     return np.asarray(xyz[:, :3] * np.linalg.solve(xyz[:, :3], xyz[:, 3]), np.float32)

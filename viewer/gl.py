@@ -32,7 +32,6 @@ NEEDED = (
     "GL_ARB_direct_state_access",
     "GL_ARB_base_instance",
 )
-SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
 CLOCK = "clock_gettime"
 HAS_CLOCK = hasattr(time, "clock_gettime")
 """Elsewhere (Windows) the rows read the counter that Python's clock reads too."""
@@ -45,7 +44,7 @@ UNSIGNED_BYTE, UNSIGNED_SHORT, INT, FLOAT = 0x1401, 0x1403, 0x1404, 0x1406
 GEQUAL = 0x0206
 COLOR, DEPTH, COLOR_BIT = 0x1800, 0x1801, 0x4000
 DEPTH_COMPONENT = 0x1902
-RGB, RGBA, RED, RED_INTEGER = 0x1907, 0x1908, 0x1903, 0x8D94
+RGB, RGBA, RED_INTEGER = 0x1907, 0x1908, 0x8D94
 RGBA8, RGBA32F, R32I, DEPTH_32F = 0x8058, 0x8814, 0x8235, 0x8CAC
 BC1 = 0x83F0  # GL_COMPRESSED_RGB_S3TC_DXT1_EXT
 FRAMEBUFFER, COLOR_0, DEPTH_ATTACHMENT = 0x8D40, 0x8CE0, 0x8D00

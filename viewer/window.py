@@ -62,7 +62,6 @@ class Window(Closing):
     ) -> None:
         self._events: list[Event] = []
         self._left_is_right = False
-        self._woken = False
         self._heard_s = math.inf
         """when it was last asked what happened; infinite while it is waited for"""
         self._windowed: tuple[int, int, int, int] | None = None
@@ -142,22 +141,16 @@ class Window(Closing):
     def take_events(self, wait_s: float = 0.0) -> list[Event]:
         """Return what happened; without anything, after waiting so long at most."""
         glfw.poll_events()
-        if wait_s > 0 and not (self._events or self._woken):
+        if wait_s > 0 and not self._events:
             self._heard_s = math.inf
             glfw.wait_events_timeout(wait_s)
         self._heard_s = time.monotonic()
-        self._woken = False
         events, self._events = self._events, []
         return events
 
     def swap(self) -> None:
         """Show what was drawn."""
         glfw.swap_buffers(self.handle)
-
-    def wake(self) -> None:
-        """End a wait for events. Thread: any."""
-        self._woken = True  # polling takes the event out before anybody waits
-        glfw.post_empty_event()
 
     def is_lost(self) -> bool:
         """Say whether the driver was reset and lost everything that it was given."""

@@ -264,7 +264,7 @@ def test_a_picture_of_a_frozen_selection_leaves_it_frozen(app: Flown) -> None:
 
 def test_a_recorded_tour_is_a_camera_path_that_flies_the_same_way(app: Flown) -> None:
     app.key("v")
-    assert app.state.recording
+    assert app.recorder.on
     app.go(0.1, Key("d", down=True))
     app.go(1.0)
     middle = app.navigator.pose

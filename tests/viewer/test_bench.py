@@ -27,7 +27,7 @@ from viewer.bench_chart import apart, bench_chart
 from viewer.bench_methods import METHODS, PACED, SETTLED, that_differ
 from viewer.bench_modes import Hurried
 from viewer.bench_score import Frame, KeyFrame, Scorer
-from viewer.bench_table import COLUMNS, NAMES, is_timed
+from viewer.bench_table import COLUMNS, NAMES
 from viewer.camera_path import read_path
 from viewer.cli_bench import bench as command
 from viewer.poses import Flight
@@ -91,6 +91,11 @@ def lines_of(out: Path) -> list[str]:
 
 def rows_in(out: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(line for line in lines_of(out) if line[0] != "#"))
+
+
+def is_timed(row: Json, name: str) -> bool:
+    """Say whether a figure depends on the clock, so that it differs from run to run."""
+    return bool(row["mode"] == "paced" or name.endswith("_ms"))
 
 
 def test_settled_rows_are_the_same_twice_times_aside(

@@ -129,7 +129,7 @@ def test_a_cache_of_nodes_lets_the_least_recently_used_go(tree: PackedTree) -> N
     cache, held, missed = NodeCache(tree, 16 * 4096), OrderedDict[int, None](), 0
     box = box_at(0.0, 0.0, 10.0)
     for _ in range(50):
-        nodes = random.choice(tree.node_count, 8, replace=False)
+        nodes = random.choice(len(tree.node_low), 8, replace=False)
         for node in nodes.tolist():
             missed += node not in held
             held.pop(node, None)

@@ -5,10 +5,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from viewer.flip import TO_XYZ, flip
+from viewer.flip import F4, TO_XYZ, compare, prepare
 
 Rgb = NDArray[np.uint8]
 SHAPE = (40, 60, 3)
+
+
+def flip(reference: Rgb, shown: Rgb) -> F4:
+    """Return the difference of two pictures, (h, w, 3) sRGB, pixel by pixel."""
+    return compare(prepare(reference), prepare(shown))
 
 
 def plain(*rgb: int) -> Rgb:

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from viewer.flip import flip
+from tests.viewer.test_flip import flip
 from viewer.popping import popping
 
 GREY = np.full((40, 60, 3), 90, np.uint8)

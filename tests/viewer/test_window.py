@@ -111,14 +111,6 @@ def test_full_screen_fills_the_screen_and_goes_back(window: Window) -> None:
         window.take_events(0.1)
 
 
-def test_a_wait_ends_when_it_is_told_to(window: Window) -> None:
-    window.take_events()
-    window.wake()
-    begun = time.monotonic()
-    window.take_events(60.0)
-    assert time.monotonic() - begun < 30
-
-
 def test_a_hidden_window_gives_a_context_where_there_is_no_egl(screen: Screen) -> None:
     assert screen.display
     with Window("hidden", (64, 64), visible=False) as window:

@@ -71,7 +71,6 @@ class PackedTree:
             high = np.maximum.reduceat(high, starts)
             self.levels.append(Level(low, high, first))
             first += len(low)
-        self.node_count = first
         self.node_low = np.concatenate([level.low for level in self.levels])
         self.node_high = np.concatenate([level.high for level in self.levels])
         sizes = [len(level.low) for level in self.levels]

@@ -2,7 +2,6 @@
 """What only a real clock tells: a view at rest, a flight beside its floors, one frame."""
 
 from pathlib import Path
-from typing import Any
 
 from geopage.settings import PagerSettings
 from tiles import geodesy
@@ -23,7 +22,6 @@ from viewer.session import Picture
 from viewer.stability.paging_threads import busy_at_rest_s
 from viewer.stability.site import Site
 
-Json = dict[str, Any]
 HUGE_CITY = "run `python -m tests.benchmarks.huge_city FOLDER`"
 ELSEWHERE = (
     Line(HUGE_HOLES, "0", "", OPEN, HUGE_CITY),

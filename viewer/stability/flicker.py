@@ -2,7 +2,6 @@
 """Detail that comes and goes while the eye hardly moves."""
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -26,7 +25,6 @@ CROP = np.s_[(SIZE_PX[1] - LINES) // 2 : (SIZE_PX[1] + LINES) // 2]
 """Lines of the small picture that show what the screen does"""
 WIDE_RAD = 2.0 * math.atan(math.tan(FOV_RAD / 2) * SIZE_PX[1] / LINES)
 Parts = dict[int, int]
-Key = Callable[[Selection], Parts]
 
 
 def ground(chosen: Selection) -> Parts:
