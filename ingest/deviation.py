@@ -9,7 +9,7 @@ drawn point from the plane of the true triangle. On the rim, where neighbours mu
 is the distance of the two points with the same longitude and latitude.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -73,19 +73,3 @@ class Gaps:
         true = truth.points, truth.uv, truth.grid, truth.centre, truth.slack_m
         known = self.far_m, self.uv, self.which
         add(known, surface.fresh, drawn, true, window, (number, upright, edges))
-
-
-def deviation_of(
-    surface: Surface, window: Window, truth: Truth, *, upright: bool = False
-) -> Gaps:
-    """Measure all of a surface against the truth of a leaf in its cell.
-
-    Parameters
-    ----------
-    upright : measure along the vertical instead of the shortest way
-    """
-    gaps = Gaps.begin(surface)
-    gaps.add(
-        replace(surface, fresh=np.ones_like(surface.fresh)), window, truth, upright=upright
-    )
-    return gaps

@@ -242,18 +242,6 @@ class Meshing:
         )
 
 
-def build_surface(cell: int, places: Places, bound_m: float) -> Surface:
-    """Triangulate a cell within a bound and add the skirt.
-
-    Parameters
-    ----------
-    bound_m : largest distance of a place from its triangle, rounding included
-    """
-    meshing = Meshing(cell, places)
-    meshing.refine(bound_m)
-    return meshing.surface()
-
-
 def at_pole(cell: int) -> bool:
     """Say whether a cell reaches to a pole."""
     return max(abs(edge) for edge in edges_rad(cell)[1::2]) > POLAR_RAD

@@ -26,7 +26,6 @@ from geopage.screen_error import lens_of
 from geopage.selection import ideal
 from geopage.view import ViewState
 from ingest.boxes import window_in
-from ingest.deviation import deviation_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain import ingest_rasters
@@ -37,7 +36,7 @@ from ingest.truth import Truth, places_of, points_at, truth_of
 from tests.benchmarks.test_sampled_heights import cut
 from tests.geopage.screen_error_oracle import px_per_m_of
 from tests.geopage.worlds import view_at
-from tests.ingest.rasters import EGM96, Floats, leaf_at
+from tests.ingest.rasters import EGM96, Floats, deviation_of, leaf_at
 from tiles import cells, terrain
 from tiles.forest import build_forest
 from tiles.lanes import Lane

@@ -2,6 +2,7 @@
 """Small rasters for the tests, and what they say, computed without `ingest`."""
 
 import sqlite3
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,12 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.transform import Affine
 from rasterio.warp import transform_bounds
 
+from ingest.deviation import Gaps, Window
 from ingest.mosaic import Mosaic
 from ingest.terrain import RasterOptions, editing, ingest_rasters, plan
 from ingest.terrain import copy as copy_source
 from ingest.terrain_mesh import CORNERS, Meshing, Places, Surface
+from ingest.truth import Truth
 from tiles import cells, geodesy
 from tiles.mesh import UV_ONE
 from tiles.samples import SAMPLES
@@ -277,3 +280,31 @@ def nested(base: Path) -> Path:
     files = [coarse(folder / "coarse.tif"), inset(folder / "inset.tif")]
     ingest_rasters(folder / "world.geopage", [(f, EGM96) for f in files], workers=1)
     return folder
+
+
+def build_surface(cell: int, places: Places, bound_m: float) -> Surface:
+    """Triangulate a cell within a bound and add the skirt.
+
+    Parameters
+    ----------
+    bound_m : largest distance of a place from its triangle, rounding included
+    """
+    meshing = Meshing(cell, places)
+    meshing.refine(bound_m)
+    return meshing.surface()
+
+
+def deviation_of(
+    surface: Surface, window: Window, truth: Truth, *, upright: bool = False
+) -> Gaps:
+    """Measure all of a surface against the truth of a leaf in its cell.
+
+    Parameters
+    ----------
+    upright : measure along the vertical instead of the shortest way
+    """
+    gaps = Gaps.begin(surface)
+    gaps.add(
+        replace(surface, fresh=np.ones_like(surface.fresh)), window, truth, upright=upright
+    )
+    return gaps

@@ -9,16 +9,17 @@ import pytest
 import rasterio
 from rasterio.transform import Affine
 
-from ingest.deviation import deviation_of
 from ingest.mosaic import Mosaic
 from ingest.terrain import RasterOptions
-from ingest.terrain_mesh import Places, Surface, build_surface
+from ingest.terrain_mesh import Places, Surface
 from ingest.truth import Truth, places_of, points_at, truth_of
 from tests.ingest.rasters import (
     EGM96,
     ELLIPSOID,
     UTM,
     Floats,
+    build_surface,
+    deviation_of,
     drawn,
     ecef,
     hills,

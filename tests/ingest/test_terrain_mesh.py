@@ -8,11 +8,10 @@ from ingest.terrain_mesh import (
     Meshing,
     Places,
     Surface,
-    build_surface,
     lattice_places,
     snapped,
 )
-from tests.ingest.rasters import drawn, lattice_of, places_deg
+from tests.ingest.rasters import build_surface, drawn, lattice_of, places_deg
 from tiles import cells, geodesy
 from tiles.mesh import SKIRT, UV_ONE
 
