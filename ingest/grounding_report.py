@@ -8,7 +8,6 @@ the threshold, so m metres take m / E of it. Leaves are drawn at any distance an
 such number.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -179,21 +178,6 @@ def _off_m(
             over = max(over, height_m[k] - fine_m[k])
         off[n, 0], off[n, 1], off[n, 2] = foot_m[n] - low, high - roof_m[n], over
     return off
-
-
-def level_report(store: Store, chunks: Iterable[Standing]) -> dict[str, Any]:
-    """Report on buildings given in chunks; only one chunk is in memory at a time.
-
-    Returns
-    -------
-    as `described`, with "noted": ids that float or are sunk on the finest terrain
-    """
-    surface = Surface(store)
-    found = Levels()
-    for chunk in chunks:
-        found = found + look(surface, chunk)
-    noted = {"floating": found.floating, "sunk": found.sunk}
-    return {**described(store, found), "noted": noted}
 
 
 def described(store: Store, found: Levels) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 """Reports on how buildings stand, against shapely and a search level by level."""
 
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import shapely
 from ingest.buildings import BuildingOptions, ingest_buildings
 from ingest.cli import reground
 from ingest.grounding import THRESHOLD_RATIO, ground_objects
-from ingest.grounding_report import Levels, Standing, level_report, lines, look
+from ingest.grounding_report import Levels, Standing, described, lines, look
 from ingest.terrain import ingest_rasters, silent
 from tests.viewer.hill_city import (
     ELLIPSOID,
@@ -41,6 +43,15 @@ def standing_in(store: Store) -> Standing:
     number, wkb, raised, height = zip(*rows, strict=True)
     polygon = np.asarray(shapely.from_wkb(np.array(wkb, object)), object)
     return Standing(np.array(number), polygon, np.array(raised), np.array(height))
+
+
+def level_report(store: Store, chunks: Iterable[Standing]) -> dict[str, Any]:
+    """Report on buildings given in chunks, with the ids that float or are sunk."""
+    surface, found = Surface(store), Levels()
+    for chunk in chunks:
+        found = found + look(surface, chunk)
+    noted = {"floating": found.floating, "sunk": found.sunk}
+    return {**described(store, found), "noted": noted}
 
 
 def part(standing: Standing, which: slice) -> Standing:
