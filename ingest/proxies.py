@@ -42,7 +42,7 @@ from ingest.box_splits import split_groups
 from ingest.extrude import Prisms
 from ingest.footprints import Geometries
 from ingest.proxy_error import box_errors_m
-from ingest.proxy_solids import Solids, frames_of, solids_of
+from ingest.proxy_solids import Solids, frames_of
 from ingest.repair import metres_per_degree
 from tiles.frames import WGS84_A_M, Floats, Ints
 
@@ -91,12 +91,6 @@ class Boxes:
         u, v = self.shape[:, LEAN_U], self.shape[:, LEAN_V]
         cos, sin = np.cos(self.shape[:, ANGLE]), np.sin(self.shape[:, ANGLE])
         return np.column_stack((u * cos - v * sin, u * sin + v * cos))
-
-    def as_solids(self) -> Solids:
-        """Return the boxes as what coarser boxes are made of and measured against."""
-        return solids_of(
-            self.polygon, self.foot_m, self.ground_m, self.top_m, lean=self.lean
-        )
 
 
 def make_boxes(solids: Solids, first: Ints, last: Ints) -> Boxes:

@@ -157,7 +157,8 @@ def test_errors_of_boxes_of_boxes_add_up_to_no_less_than_the_truth(
     first = np.array([0, 40, 80])
     blocks = make_boxes(one.solids, first, first + 40)
     error = measure(blocks, one.solids, first, first + 40).max()
-    below = blocks.as_solids()
+    heights = blocks.foot_m, blocks.ground_m, blocks.top_m
+    below = solids_of(blocks.polygon, *heights, lean=blocks.lean)
     skyline = make_boxes(below, *whole(len(below.top_m)))
     assert len(skyline.group) < len(blocks.group)
     error += measure(skyline, below, *whole(len(below.top_m)))[0]
