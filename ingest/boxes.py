@@ -11,6 +11,8 @@ Box = tuple[float, float, float, float]
 """west, south, east, north, degrees; east may exceed 180"""
 DEGREE_M = 111e3
 """A little less than the shortest degree of a great circle, so that boxes grow enough."""
+POLE_DEG = 89.9
+"""What reaches further has all longitudes."""
 
 
 @lru_cache(65536)
@@ -27,10 +29,12 @@ def edge_m(cell: int) -> float:
 
 
 def grown(box: Box, margin_m: float) -> Box:
-    """Return a box that is larger by a margin on all sides."""
+    """Return a box that is larger by a margin on all sides, also over a pole."""
     west, south, east, north = box
     up = margin_m / DEGREE_M
-    poleward = min(89.0, max(abs(south), abs(north)) + up)
+    if up and max(-south, north) + up >= POLE_DEG:
+        return -180.0, south - up, 180.0, north + up
+    poleward = max(abs(south), abs(north)) + up
     side = up / float(np.cos(np.radians(poleward)))
     return west - side, south - up, east + side, north + up
 

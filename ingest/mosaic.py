@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from ingest.boxes import meet
 from ingest.datum import undulation_m
 from ingest.layer import Layer
 from ingest.rim import Rim
-from ingest.source_group import SourceGroup, grouped
+from ingest.source_group import FREE_POSTS, SourceGroup, grouped
 from tiles.frames import Floats
 from tiles.raster_blocks import BlockCache
 
@@ -39,11 +40,12 @@ class Mosaic:
         """Open the sources; their rims are found once an ingest and handed to workers."""
         self.connection = connection
         cache, terrain = BlockCache(), [s for s in sources if s["kind"] == "terrain"]
-        self._groups = grouped([Layer(connection, one, cache) for one in terrain])
-        self.layers = [layer for group in self._groups for layer in group.layers]
+        self.groups = grouped([Layer(connection, one, cache) for one in terrain])
+        """coarsest first"""
+        self.layers = [layer for group in self.groups for layer in group.layers]
         """coarsest first"""
         given = list(rims or [])
-        for count, group in enumerate(self._groups):
+        for count, group in enumerate(self.groups):
             if rims:
                 group.outer = given.pop(0)
                 group.inner = [given.pop(0) for _ in group.layers]
@@ -54,7 +56,7 @@ class Mosaic:
     @property
     def rims(self) -> list[Rim | None]:
         """All rims, for another mosaic of the same sources."""
-        return [rim for group in self._groups for rim in (group.outer, *group.inner)]
+        return [rim for group in self.groups for rim in (group.outer, *group.inner)]
 
     def heights(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> Floats:
         """Return heights above the ellipsoid, (n,) m; sea level where no source is."""
@@ -65,12 +67,12 @@ class Mosaic:
     ) -> tuple[Floats, Floats]:
         """Return heights above the ellipsoid, and those of sea level (EGM96) there."""
         sea = undulation_m("egm96", lon_rad, lat_rad)
-        return self._fold(lon_rad, lat_rad, step_m, len(self._groups), sea), sea
+        return self._fold(lon_rad, lat_rad, step_m, len(self.groups), sea), sea
 
     def spacing_m(self, lon_rad: Floats, lat_rad: Floats) -> Floats:
         """Return the post spacing of the source that shows, (n,) m; inf where none is."""
         found = np.full(lon_rad.shape, np.inf)
-        for group in self._groups:
+        for group in self.groups:
             if group.near(lon_rad, lat_rad, 0.0).any():
                 here = np.isfinite(group.heights(lon_rad, lat_rad, 0.0))
                 found[here] = group.layers[-1].spacing_m
@@ -81,13 +83,13 @@ class Mosaic:
 
         That is where a source has no data and does not bend them either.
         """
-        count = next(k for k, one in enumerate(self._groups) if layer in one.layers)
+        count = next(k for k, one in enumerate(self.groups) if layer in one.layers)
         sea = undulation_m("egm96", lon_rad, lat_rad)
         below, shown = (
             self._fold(lon_rad, lat_rad, 0.0, k, sea) for k in (count, count + 1)
         )
         known = np.zeros(lon_rad.shape, np.bool_)
-        for group in self._groups[:count]:
+        for group in self.groups[:count]:
             known |= np.isfinite(group.heights(lon_rad, lat_rad, 0.0))
         return np.where(known & (below == shown), shown, np.nan)
 
@@ -95,11 +97,14 @@ class Mosaic:
         self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int, sea: Floats
     ) -> Floats:
         surface = sea.copy()
-        for group in self._groups[:count]:
+        for group in self.groups[:count]:
+            feather_m = group.outer.feather_m if group.outer else 0.0
+            near = group.near(lon_rad, lat_rad, feather_m)
+            if not near.any():
+                continue
             own = group.heights(lon_rad, lat_rad, step_m)
             outside = np.isnan(own)
             if group.outer:
-                near = group.near(lon_rad, lat_rad, group.outer.feather_m)
                 at = np.flatnonzero(outside & near)
                 if len(at):
                     places = lon_rad[at], lat_rad[at]
@@ -109,17 +114,18 @@ class Mosaic:
 
     def reach_m(self, layer: Layer) -> float:
         """Return how far outside its own posts a source changes the surface."""
-        group = next(one for one in self._groups if layer in one.layers)
+        group = next(one for one in self.groups if layer in one.layers)
         rims = group.outer, group.inner[group.layers.index(layer)]
         return max((rim.feather_m for rim in rims if rim), default=0.0)
 
     def meets(self, layer: Layer) -> str:
         """Return the source that bends to meet one; empty where it is the sea level."""
-        at = next(k for k, one in enumerate(self._groups) if layer in one.layers)
-        if (rim := self._groups[at].outer) is None:
+        at = next(k for k, one in enumerate(self.groups) if layer in one.layers)
+        if (rim := self.groups[at].outer) is None:
             return "its neighbours"
-        coarser = [one.layers[0] for one in self._groups[:at]]
-        return next((one.name for one in coarser if one.spacing_m == rim.feather_m), "")
+        coarser = [one.layers[0] for one in self.groups[:at]]
+        like = [one for one in coarser if one.spacing_m == rim.feather_m]
+        return next((o.name for o in like if meet(o.bounds_deg, layer.bounds_deg)), "")
 
     def _outer_rim(self, group: SourceGroup, count: int) -> Rim | None:
         """Find where a group meets the `count` coarser ones, and the difference there."""
@@ -127,7 +133,7 @@ class Mosaic:
         spacing_m = group.layers[-1].spacing_m
 
         def coarse(lon_rad: Floats, lat_rad: Floats) -> Floats:
-            for other in self._groups[:count]:
+            for other in self.groups[:count]:
                 if other.near(lon_rad, lat_rad, 0.0).any():
                     touched.add(other.layers[0].spacing_m)
             sea = undulation_m("egm96", lon_rad, lat_rad)
@@ -136,5 +142,5 @@ class Mosaic:
         ends, delta_m = group.outer_lines(coarse)
         if not len(ends):
             return None
-        feather_m = min(touched, default=10 * spacing_m)
+        feather_m = min(touched, default=FREE_POSTS * spacing_m)
         return Rim.of(ends, delta_m, feather_m, spacing_m)

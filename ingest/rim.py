@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.rim_kernels import Lines, Rows, deltas
-from tiles.frames import Floats
-from tiles.geodesy import to_ecef
+from ingest.rim_kernels import STACK, Lines, Rows, deltas, nearest
+from tiles.frames import Ecef, Floats
+from tiles.geodesy import to_ecef, to_geodetic
 
 BUCKET, BRANCHES = 8, 4
 """Lines in the smallest balls, and balls in a ball"""
@@ -94,6 +94,18 @@ class Rim:
         delta, near = np.zeros(len(places)), np.full(len(places), self.feather_m)
         deltas(self.lines, self.balls, self.below, places, self.feather_m, delta, near)
         return delta, near
+
+    def distance_m(self, place: Ecef, limit_m: float) -> float:
+        """Return how far a place, (3,), is from the rim; the limit where that is less."""
+        stack = np.empty(STACK, np.int64)
+        return float(nearest(self.lines, self.balls, self.below, place, limit_m, stack))
+
+    def middles(self) -> tuple[Floats, Floats]:
+        """Return longitudes and latitudes of the middles of all lines, (n,) rad."""
+        centre = self.balls[np.arange(len(self.lines)) // BUCKET, :3]
+        middle = (self.lines[:, :3] + self.lines[:, 3:6]) / 2 + centre
+        lon, lat, _ = to_geodetic(Ecef(middle))
+        return lon, lat
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Leave the arrays in files that all worker processes share."""

@@ -3,21 +3,28 @@
 
 Where two of them overlap the later one wins, and bends the earlier one for one post.
 Together they have one rim towards coarser sources: what lies between two tiles is no rim.
+Those too far apart to bend the same ground are groups of their own: a city that comes
+changes nothing around another.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.boxes import Box, grown, meet
 from ingest.layer import Layer
 from ingest.rim import Rim
+from ingest.rim_kernels import REACH
 from ingest.rim_lines import MOST_LINES, rim_lines
 from tiles.frames import Floats
 
 ALIKE = 1.25
 """Spacings of one group differ by less than this factor."""
+FREE_POSTS = 10.0
+"""Feather around a group with no coarser source under it, in its own posts"""
 Coarse = Callable[[Floats, Floats], Floats]
 Rims = list[Rim | None]
 
@@ -94,13 +101,44 @@ class SourceGroup:
 
 def grouped(layers: list[Layer]) -> list[SourceGroup]:
     """Sort layers into groups, coarsest first."""
-    groups: list[SourceGroup] = []
-    for layer in sorted(layers, key=lambda one: -one.spacing_m):
-        if groups and layer.spacing_m * ALIKE > groups[-1].layers[0].spacing_m:
-            groups[-1].layers.append(layer)
+    found = groups_of([(one.spacing_m, one.bounds_deg) for one in layers])
+    return [SourceGroup([layers[k] for k in group]) for group in found]
+
+
+def groups_of(placed: Sequence[tuple[float, Box]]) -> list[list[int]]:
+    """Return which sources make a group, coarsest first.
+
+    Parameters
+    ----------
+    placed : spacing (m) and bounds (degrees) of each
+    """
+    alike: list[list[int]] = []
+    for k in sorted(range(len(placed)), key=lambda k: -placed[k][0]):
+        if alike and placed[k][0] * ALIKE > placed[alike[-1][0]][0]:
+            alike[-1].append(k)
         else:
-            groups.append(SourceGroup([layer]))
-    return groups
+            alike.append([k])
+    found: list[list[int]] = []
+    for group in alike:
+        spacing_m = placed[group[0]][0]
+        coarser = [one for one, _ in placed if one > spacing_m]
+        # A feather is one post of a coarser source, or some of its own.
+        feather_m = max(coarser, default=FREE_POSTS * spacing_m)
+        found += _apart(group, placed, (1.0 + REACH) * feather_m)
+    return found
+
+
+def _apart(
+    group: list[int], placed: Sequence[tuple[float, Box]], margin_m: float
+) -> list[list[int]]:
+    """Part a group into those of its sources that lie within a margin of each other."""
+    parts: list[list[int]] = []
+    for k in group:
+        box = grown(placed[k][1], margin_m)
+        near = [part for part in parts if any(meet(box, placed[one][1]) for one in part)]
+        parts = [part for part in parts if part not in near]
+        parts.append(sorted([k, *chain(*near)], key=group.index))
+    return sorted(parts, key=lambda part: group.index(part[0]))
 
 
 def _may_meet(one: Layer, other: Layer) -> bool:

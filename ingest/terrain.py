@@ -9,7 +9,7 @@ from typing import Any
 
 from rasterio.errors import RasterioError
 
-from ingest.boxes import Box, grown, meet
+from ingest.changed import change_of
 from ingest.clock import Clock
 from ingest.journal import Journal, digest
 from ingest.mosaic import Mosaic
@@ -71,15 +71,13 @@ def ingest_rasters(
         copied = [copy(writer, one, progress, journal) for one in reversed(planned)]
         new = {source["name"]: source for source in reversed(copied)}
         clock.lap("read")
-        before = [named[name] for name in new if name in named]
         after = list({**named, **new}.values())
-        changed = [*before, *new.values()]
         given = zip(planned, files, strict=True)
         own = [new[one["name"]] for one, (_, stated) in given if not stated.is_sample]
         report = posts_of(own or list(new.values()))
         paths = {name: [source["path"]] for name, source in new.items()}
         report["warnings"] = replaced(named, paths)
-        report |= change(journal, after, changed, workers, progress, clock)
+        report |= change(journal, after, workers, progress, clock)
         for about in report["sources"]:
             one = new[about["name"]]
             about |= {key: one[key] for key in ("reach_m", "meets") if key in one}
@@ -155,35 +153,9 @@ def copy(
     return {**source, "blocks": copied.blocks, "posts": posts}
 
 
-def affected(sources: Sequence[Source], changed: Sequence[Source]) -> list[Box]:
-    """Return the boxes, feather included, in which changed sources change the terrain.
-
-    Where a source changes, so does the bend of the surface around finer ones that meet it.
-
-    Parameters
-    ----------
-    sources : elevation models before and after the change, with their `reach_m`
-    changed : sources that came, went or were replaced
-    """
-    raw = [source for source in changed if source["kind"] in {"terrain", "imagery"}]
-    boxes: list[Box] = [tuple(source["bounds_deg"]) for source in raw]
-    terrain = [box for box, source in zip(boxes, raw, strict=True) if _is_terrain(source)]
-    for source in sources:
-        reach_m = float(source.get("reach_m", 0.0))
-        box = grown(tuple(source["bounds_deg"]), reach_m)
-        if reach_m and any(meet(box, one) for one in terrain):
-            terrain.append(box)
-    return boxes + terrain
-
-
-def _is_terrain(source: Source) -> bool:
-    return bool(source["kind"] == "terrain")
-
-
 def change(
     journal: Journal,
     after: list[Source],
-    changed: list[Source],
     workers: int,
     progress: Progress,
     clock: Clock,
@@ -191,13 +163,13 @@ def change(
     """Give a store other sources and make the terrain again where that changes it."""
     journal.require()  # else the copies may be gone
     writer = journal.writer
-    old = writer.sources("terrain")
+    before = writer.sources()
     mosaic = Mosaic(writer.connection, after)
     for layer in mosaic.layers:
         source = next(one for one in after if one["name"] == layer.name)
         source["reach_m"], source["meets"] = mosaic.reach_m(layer), mosaic.meets(layer)
-    boxes = affected([*old, *filter(_is_terrain, after)], changed)
-    recipe = Recipe(str(writer.path), after, mosaic.rims, boxes)
+    changed = change_of(before, after, mosaic)
+    recipe = Recipe(str(writer.path), after, mosaic.rims, changed)
     clock.lap("rims")
     return rebuild(journal, recipe, workers, progress, clock)
 
@@ -209,7 +181,6 @@ def remove_raster(
     clock = Clock()
     with editing(store) as writer:
         sources = writer.sources()
-        gone = [source for source in sources if source["name"] == name]
         rest = [source for source in sources if source["name"] != name]
-        report = change(Journal(writer), rest, gone, workers, progress, clock)
+        report = change(Journal(writer), rest, workers, progress, clock)
     return {"removed": name, **report}

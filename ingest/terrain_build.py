@@ -2,7 +2,7 @@
 """Make the terrain tiles that changed sources touch, in several processes."""
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import Box, touches
+from ingest.affected import Affected
+from ingest.changed import Change
 from ingest.clock import Clock
 from ingest.journal import Journal, digest, made_by
 from ingest.layer import Layer
@@ -40,7 +41,7 @@ class Recipe:
     sources: list[Source]
     rims: list[Rim | None]
     """of the sources' mosaic, found once"""
-    changed: list[Box]
+    changed: Change
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +109,10 @@ def rebuild(
     old = writer.index(Lane.TERRAIN)
     zone_of = cells.ancestor(old["cell"], np.zeros(len(old), np.int64))
     roots = [int(cells.make(zone, 0, 0, 0)) for zone in range(zones.COUNT)]
-    todo = [r for r in roots if r not in zone_of or touches(r, recipe.changed)]
     terrain, pictures = layers_of(writer, recipe)
-    plan, builder = Plan(terrain, pictures), ZoneBuilder(terrain, pictures, recipe.changed)
+    affected = Affected(terrain, recipe.changed)
+    plan, builder = Plan(terrain, pictures), ZoneBuilder(terrain, pictures, affected)
+    todo = [r for r in roots if r not in zone_of or affected.touches(r)]
     parts = {root: plan.cut(root, PART_LEAVES) for root in todo}
     sizes = {one: plan.tiles(one) for cut in parts.values() for one in cut}
     with crew_of(recipe, workers, builder, len(sizes)) as crew:
@@ -177,7 +179,7 @@ def make_parts(
 def name_of(recipe: Recipe, wanted: list[int]) -> str:
     """Name what the tiles of a recipe depend on, the mesher's own code included."""
     code = made_by(Path(__file__).parent, Path(cells.__file__).parent)
-    return digest(recipe.sources, recipe.changed, wanted, code)
+    return digest(recipe.sources, asdict(recipe.changed), wanted, code)
 
 
 def around(old: NDArray[np.void], cell: int) -> NDArray[np.void]:
@@ -211,7 +213,7 @@ def make_part(job: Job, builder: ZoneBuilder) -> MadePart:
 def builder_of(recipe: Recipe) -> ZoneBuilder:
     """Return what makes a recipe's tiles, in a worker; its store is open to its end."""
     terrain, pictures = layers_of(Store(recipe.path), recipe)
-    return ZoneBuilder(terrain, pictures, recipe.changed)
+    return ZoneBuilder(terrain, pictures, Affected(terrain, recipe.changed))
 
 
 def layers_of(store: Store, recipe: Recipe) -> tuple[Mosaic, list[Layer]]:

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import Box, touches
+from ingest.affected import Affected
 from ingest.large_cell import Miss, Watched, mended, meshing_of
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
@@ -88,8 +88,8 @@ class Part:
 class ZoneBuilder:
     """Makes the tiles of one zone, at once or in parts."""
 
-    def __init__(self, mosaic: Mosaic, pictures: list[Layer], changed: list[Box]) -> None:
-        self._mosaic, self._pictures, self._changed = mosaic, pictures, changed
+    def __init__(self, mosaic: Mosaic, pictures: list[Layer], affected: Affected) -> None:
+        self._mosaic, self._pictures, self._affected = mosaic, pictures, affected
         self._meshed = lru_cache(MOST_LARGE)(self._mesh_large)
 
     def build(
@@ -149,7 +149,7 @@ class ZoneBuilder:
         return self._made
 
     def _stays(self, cell: int) -> bool:
-        return cell in self._old and not touches(cell, self._changed)
+        return cell in self._old and not self._affected.touches(cell)
 
     def _large(self, cell: int) -> Node:
         """Mesh a cell above the parts, unless its stored tile stays."""
