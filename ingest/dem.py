@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a raster lies on the earth; what can't be placed is refused in one line."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,13 @@ import rasterio
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
 from tiles.geodesy import to_ecef
-from tiles.placement import is_lon_lat
+from tiles.placement import Placement, is_lon_lat
 
+SEAM_POSTS = 0.1
+"""By so much a raster that goes round the globe may miss its start"""
+LOST_POSTS, MOST_LOST = 0.1, 0.75
+"""A post that is looked for at its place must be found so near; but on a map of the whole
+globe up to such a share, near the corners, lies beyond its edge."""
 PLACED = "write one with gdal_translate -a_ullr, or a world file beside it"
 
 
@@ -63,9 +69,11 @@ def describe(
     transform = tuple(dataset.transform)[:6]
     require_placed(path, dataset, horizontal)
     bounds = _bounds_deg(path, horizontal, dataset)
-    turn = abs(transform[0]) * dataset.width
-    wraps = is_lon_lat(horizontal) and abs(turn - 360) < 1e-6 and not transform[3]
-    return RasterInfo(
+    wraps = is_lon_lat(horizontal) and _goes_round(transform, dataset.width)
+    if wraps:
+        # Few digits of a pixel's size would leave a gap where the ends meet.
+        transform = (math.copysign(360 / dataset.width, transform[0]), *transform[1:])
+    info = RasterInfo(
         str(path),
         horizontal.to_wkt(),
         transform,
@@ -77,6 +85,39 @@ def describe(
         _spacing_m(horizontal, transform, (dataset.height, dataset.width), bounds),
         wraps,
     )
+    _require_found(info)
+    return info
+
+
+def _require_found(info: RasterInfo) -> None:
+    """Refuse a raster most of whose posts are not found again where they are said to be.
+
+    Raises
+    ------
+    InputError
+    """
+    place = Placement(asdict(info))
+    col, row = (
+        one.ravel()
+        for one in np.meshgrid(
+            *(np.linspace(0, n - 1, 5) for n in (info.width, info.height))
+        )
+    )
+    there = place.places(col, row)
+    known = np.isfinite(there).all(axis=0)
+    found = place.pixels(there[0][known], there[1][known])
+    off = np.abs(np.subtract(found, (col[known], row[known])))
+    off[0] = np.minimum(off[0], np.abs(off[0] - info.width * info.wraps))
+    lost = ~(off < LOST_POSTS).all(axis=0)
+    if lost.mean() > MOST_LOST:
+        reason = "its CRS has no such places as its georeference gives its posts"
+        raise InputError(info.path, reason, "warp it to EPSG:4326 with gdalwarp")
+
+
+def _goes_round(transform: tuple[float, ...], width: int) -> bool:
+    """Say whether a raster's columns, in degrees, go once round the globe."""
+    off = abs(abs(transform[0]) * width - 360)
+    return off < SEAM_POSTS * abs(transform[0]) and not transform[3]
 
 
 def _horizontal(crs: pyproj.CRS) -> pyproj.CRS:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A source's posts, and coarser sources' heights where it has none."""
+"""A source's posts, and other sources' heights where it has none."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ def missed_of(
     heights: Floats,
     void: NDArray[np.bool_],
 ) -> float:
-    """Return how far coarser sources are from the posts that stand in for theirs.
+    """Return how far other sources are from the posts that stand in for theirs.
 
     Looked for at quarters of each square where the source has no data: of a bend between
     two such places three quarters are seen.

@@ -79,7 +79,7 @@ class Mosaic:
         return found
 
     def beside(self, layer: Layer, lon_rad: Floats, lat_rad: Floats) -> Floats:
-        """Return what coarser sources show as they are, (n,) m; NaN where none does.
+        """Return what other sources show as they are, (n,) m; NaN where none does.
 
         That is where a source has no data and does not bend them either.
         """
@@ -91,7 +91,9 @@ class Mosaic:
         known = np.zeros(lon_rad.shape, np.bool_)
         for group in self.groups[:count]:
             known |= np.isfinite(group.heights(lon_rad, lat_rad, 0.0))
-        return np.where(known & (below == shown), shown, np.nan)
+        known &= below == shown
+        known |= self.groups[count].without(layer, lon_rad, lat_rad) == shown
+        return np.where(known, shown, np.nan)
 
     def _fold(
         self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int, sea: Floats

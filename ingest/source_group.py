@@ -58,6 +58,15 @@ class SourceGroup:
             found = np.where(outside, found, own)
         return found
 
+    def without(self, layer: Layer, lon_rad: Floats, lat_rad: Floats) -> Floats:
+        """Return heights of all layers but one, bent by none, (n,) m; NaN without any."""
+        found = np.full(lon_rad.shape, np.nan)
+        for other in self.layers:
+            if other is not layer and other.near(lon_rad, lat_rad).any():
+                own = other.heights(lon_rad, lat_rad, 0.0)
+                found = np.where(np.isnan(own), found, own)
+        return found
+
     def near(self, lon_rad: Floats, lat_rad: Floats, margin_m: float) -> NDArray[np.bool_]:
         """Say which places are within a margin of a layer's bounding box."""
         boxes = [layer.near(lon_rad, lat_rad, margin_m) for layer in self.layers]

@@ -14,6 +14,10 @@ RADIAN_M = 6.36e6
 """A little less than the earth's radius, so that margins are wide enough."""
 ROUNDING = 1e-12
 POLAR_DEG = 89.9999
+ASIDE_TURNS = 1e-5
+"""Step over which an x coordinate's scale is measured"""
+EVEN = 1e-7
+"""Share of its period by which a periodic x coordinate may be off"""
 
 
 def is_lon_lat(crs: pyproj.CRS) -> bool:
@@ -32,7 +36,7 @@ class Placement:
     """The posts of one raster on the earth; whole columns and rows are posts."""
 
     def __init__(self, source: dict[str, Any]) -> None:
-        """Take a source as the store lists it: crs, transform, width, bounds_deg, wraps."""
+        """Take a source as the store lists it: crs, transform, size, bounds_deg, wraps."""
         self.bounds_deg: tuple[float, float, float, float] = tuple(source["bounds_deg"])
         self.wraps = bool(source["wraps"])
         self._width = int(source["width"])
@@ -51,6 +55,12 @@ class Placement:
             self._unproject = pyproj.Transformer.from_crs(
                 crs, 4326, always_xy=True
             ).transform
+            self._middle_x = self._origin[0] + self._inverse[0] @ (
+                self._width / 2,
+                int(source["height"]) / 2,
+            )
+            middle_turns = (self.bounds_deg[0] + self.bounds_deg[2]) / 720
+            self._period_x = _period(crs, middle_turns)
 
     def _closes(self, *, north_up: bool) -> tuple[bool, bool]:
         north, south = self.bounds_deg[3] > POLAR_DEG, self.bounds_deg[1] < -POLAR_DEG
@@ -61,6 +71,9 @@ class Placement:
         """Return column and row of places, (n,) each."""
         if self._project:
             x, y = self._project(np.degrees(lon_rad), np.degrees(lat_rad))
+            x, y = (np.where(np.isfinite(one), one, np.nan) for one in (x, y))
+            if self._period_x:
+                x -= self._period_x * np.rint((x - self._middle_x) / self._period_x)
             col, row = self._matrix @ np.stack([x - self._origin[0], y - self._origin[1]])
             return col - 0.5, row - 0.5
         middle = (self.bounds_deg[0] + self.bounds_deg[2]) / 2
@@ -80,6 +93,27 @@ class Placement:
     ) -> NDArray[np.bool_]:
         """Say which places are within a margin of the raster's bounding box."""
         return _near(lon_rad, lat_rad, np.radians(self.bounds_deg), margin_m / RADIAN_M)
+
+
+def _period(crs: pyproj.CRS, turns: float) -> float:
+    """Return what x grows by once round the globe; 0 where it isn't periodic.
+
+    It is where it grows evenly along parallels, and as far on each of them.
+    """
+    own = crs.geodetic_crs
+    if own is None:
+        return 0.0
+    # Without a change of datum, which is not the same everywhere.
+    between = pyproj.Transformer.from_crs(own, crs, always_xy=True)
+    turn = 2 * np.pi / own.axis_info[0].unit_conversion_factor
+    lon = turn * (turns + np.array([-ASIDE_TURNS, ASIDE_TURNS, 0.0, 0.25, -0.25, 0.0]))
+    lat = turn * np.array([0.0] * 5 + [0.1])
+    x = np.asarray(between.transform(lon, lat)[0])
+    period = float((x[1] - x[0]) / (2 * ASIDE_TURNS))
+    if not np.isfinite(x).all() or not period:
+        return 0.0
+    off = (x[2:] - x[2]) / period - (0.0, 0.25, -0.25, 0.0)
+    return period if (np.abs(off - np.rint(off)) < EVEN).all() else 0.0
 
 
 @kernel

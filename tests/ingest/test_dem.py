@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyproj
 import pytest
+from affine import Affine
 
 from ingest.dem import RasterInfo, describe, is_lon_lat
 from ingest.raster_open import open_raster
@@ -64,6 +65,27 @@ def test_a_globe_wraps(tmp_path: Path) -> None:
     assert info_of(write(tmp_path / "a.tif", posts, north_up(0, 90, 10), "EPSG:4326")).wraps
     part = write(tmp_path / "b.tif", posts, north_up(0, 90, 5), "EPSG:4326")
     assert not info_of(part).wraps
+
+
+@pytest.mark.parametrize("step", [9.9999, 10.0001, 360 / 36])
+def test_a_globe_whose_step_has_few_digits_closes(tmp_path: Path, step: float) -> None:
+    posts = hills((18, 36), 1.0, 10.0)
+    where = north_up(-180, 90, 10) @ Affine.scale(step / 10, 1.0)
+    info = info_of(write(tmp_path / "a.tif", posts, where, "EPSG:4326"))
+    assert info.wraps
+    assert info.transform[0] * 36 == pytest.approx(360.0, abs=1e-12)
+
+
+def test_a_raster_far_outside_of_its_map_is_refused(tmp_path: Path) -> None:
+    where = north_up(9e7, 5e6, 1000.0)
+    with pytest.raises(InputError, match=r"no such places.*gdalwarp"):
+        info_of(write(tmp_path / "a.tif", POSTS, where, "+proj=sinu"))
+
+
+def test_a_map_of_the_whole_globe_has_corners_beyond_its_edge(tmp_path: Path) -> None:
+    posts = hills((20, 40), 1.0, 100.0)
+    where = north_up(-2e7, 1e7, 1e6)
+    assert info_of(write(tmp_path / "a.tif", posts, where, "+proj=sinu")).width == 40
 
 
 def test_a_stated_crs_replaces_the_files(tmp_path: Path) -> None:

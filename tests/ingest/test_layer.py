@@ -213,8 +213,11 @@ def elevation_m(path: Path, lon_deg: Floats, lat_deg: Floats) -> Floats:
     col, row = pixels(path, lon_deg, lat_deg)
     if dataset.crs.is_geographic:
         col %= 360 / dataset.transform.a
-        if abs(posts.shape[1] * dataset.transform.a - 360) < 1e-9:
-            posts = np.concatenate([posts, posts[:, :1]], axis=1)
+    elif dataset.crs.to_epsg() == 3857:
+        col %= 2 * np.pi * 6_378_137 / dataset.transform.a
+    once = abs(posts.shape[1] * dataset.transform.a - 360) < 1e-9
+    if dataset.crs.is_geographic and once:
+        posts = np.concatenate([posts, posts[:, :1]], axis=1)
     c = np.clip(np.floor(col), 0, posts.shape[1] - 2).astype(int)
     r = np.clip(np.floor(row), 0, posts.shape[0] - 2).astype(int)
     x, y = col - c, row - r
@@ -239,6 +242,13 @@ EVERYWHERE = (-180.0, 180.0, -90.0, 90.0)
         ("EPSG:4326", north_up(171, 8, 0.25), (64, 72), (171.2, 188.8, -7.8, 7.8)),
         ("EPSG:4326", north_up(-189, 8, 0.25), (64, 72), (171.2, 188.8, -7.8, 7.8)),
         ("EPSG:3832", north_up(3e6, 9e5, 3e4), (60, 60), (178, 190, -7, 7)),
+        ("EPSG:3857", north_up(19.9e6, 9e5, 3e4), (40, 30), (179, 186.5, -2.5, 7.9)),
+        (
+            "+proj=longlat +ellps=clrk66",
+            north_up(250, 40, 0.1),
+            (30, 40),
+            (250.2, 253.8, 37.2, 39.8),
+        ),
         ("EPSG:32601", north_up(1e5, 9e5, 3e3), (90, 90), (179.3, 182, 6, 8)),
     ],
 )

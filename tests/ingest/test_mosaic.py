@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain import RasterOptions
+from ingest.truth import points_at, truth_of
 from tests.ingest.rasters import (
     EGM96,
     STEP,
@@ -20,12 +21,16 @@ from tests.ingest.rasters import (
     coarse,
     geoid_m,
     hills,
+    leaf_at,
     mosaic_of,
     north_up,
+    places_deg,
     places_in,
     source_height_m,
     write,
 )
+from tiles import cells, geodesy
+from tiles.frames import Ecef
 from tiles.store import Store
 
 ELLIPSOID = RasterOptions(datum="ellipsoid")
@@ -272,3 +277,29 @@ def test_a_finer_source_says_what_it_meets_and_over_which_distance(nested: Mosai
     assert nested.meets(inset) == outer.name
     assert nested.reach_m(inset) == outer.spacing_m
     assert nested.meets(outer) == "", "the sea level"
+
+
+def test_what_another_survey_shows_beside_a_source_counts_as_missed(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Two of one spacing overlap, half a post apart: neither's posts do for the other."""
+    files = []
+    for name, west in (("a", 7.0), ("b", 7.0155)):
+        posts = rng.uniform(0, 500, (40, 40)).astype(np.float32)
+        where = north_up(west, 44.0, 0.001)
+        files.append(
+            (write(tmp_path / f"{name}.tif", posts, where, "EPSG:4326"), ELLIPSOID)
+        )
+    mosaic, connection = mosaic_of(tmp_path / "world.geopage", files)
+    cell = leaf_at(7.0155 + 0.02, 43.98, 111.0, 30)
+    truth = truth_of(mosaic, cell, 90)
+    lon, lat = places_deg(cell, rng.uniform(0, 1, (3000, 2)))
+    shown = heights(mosaic, lon, lat)
+    at = np.stack([np.radians(lon), np.radians(lat)], axis=1)
+    west, south, east, north = (float(edge) for edge in cells.bounds_rad(cell))
+    uv = (at - (west, south)) / (east - west, north - south)
+    found = points_at(truth, uv) + truth.centre
+    off_m = np.abs(geodesy.to_geodetic(Ecef(found))[2] - shown)
+    assert off_m.max() > 5.0
+    assert off_m.max() <= truth.slack_m
+    connection.close()
