@@ -2,13 +2,14 @@
 """The umbrella command: finds its subcommands through entry points."""
 
 import os
+import signal
 import sqlite3
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import entry_points
 
 from geopage import __version__
-from tiles.errors import InputError, TileFault, is_interrupt
+from tiles.errors import InputError, TileFault, handled, is_interrupt
 
 GROUP = "geopage.commands"
 HELP = {
@@ -80,7 +81,9 @@ def run(words: list[str]) -> int:
 def guarded(command: Command, words: list[str]) -> int:
     """Run a command; a fault becomes one line on stderr."""
     try:
-        return command(words)
+        # An order to end is taken as Ctrl-C, and leaves as little behind.
+        with handled(signal.default_int_handler, [signal.SIGTERM]):
+            return command(words)
     except (InputError, TileFault) as error:
         print(f"geopage: {error}", file=sys.stderr)
     except sqlite3.DatabaseError as error:

@@ -2,9 +2,10 @@
 """What goes wrong, in one line each."""
 
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 
 class InputError(Exception):
@@ -43,18 +44,28 @@ def is_interrupt(error: BaseException | None) -> bool:
     return error is not None
 
 
+STOPS = signal.SIGINT, signal.SIGTERM
+
+
 @contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Put off Ctrl-C until the end of what must not be broken off half-way."""
-    held: list[int] = []
-    try:
-        before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    except ValueError:  # not the main thread: Ctrl-C does not come here
-        yield
-        return
+def handled(handler: Callable[[int, Any], Any], signals: Iterable[int]) -> Iterator[None]:
+    """Have signals handled so for a while; outside the main thread none comes anyway."""
+    before = {}
+    with suppress(ValueError):
+        for number in signals:
+            before[number] = signal.signal(number, handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-    if held:
-        raise KeyboardInterrupt
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Put off Ctrl-C, and an order to end, until what must not be broken off is done."""
+    held: list[int] = []
+    with handled(lambda number, _: held.append(number), STOPS):
+        yield
+    for number in held[:1]:
+        signal.raise_signal(number)

@@ -343,9 +343,12 @@ def test_a_killed_ingest_leaves_the_last_committed_state(
 
 @linux
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["pause", "run"])
+@pytest.mark.parametrize(
+    ("how", "number"),
+    [("pause", signal.SIGINT), ("run", signal.SIGINT), ("pause", signal.SIGTERM)],
+)
 def test_an_interrupted_ingest_stops_soon_with_one_line(
-    how: str, world: Path, tmp_path: Path
+    how: str, number: int, world: Path, tmp_path: Path
 ) -> None:
     before = state(world)
     child = start(tmp_path, how, world, wide(tmp_path / "wide.tif"))
@@ -359,7 +362,7 @@ def test_an_interrupted_ingest_stops_soon_with_one_line(
     while not (workers := workers_of(child.pid)):
         assert child.poll() is None
     begun_s = time.monotonic()
-    child.send_signal(signal.SIGINT)
+    child.send_signal(number)
     _, errors = child.communicate(timeout=20)
     assert time.monotonic() - begun_s < 3
     assert child.returncode == 130
