@@ -5,17 +5,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from ingest.boxes import Box, edges_rad, grown
+from ingest.boxes import Box, edge_m, edges_rad, grown, overlap
 from ingest.changed import Change
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.rim import Rim
 from ingest.source_group import SourceGroup
+from ingest.terrain_tile import LEAF_SIDE, LEAST_RELIEF_SIDE, RELIEF_SIDE
 from tiles.frames import Ecef, Floats
 from tiles.geodesy import to_ecef
 
-MARGIN = 1 / 8
-"""Share of a cell's edges around it: posts and texels there count for the cell, too"""
+POSTS, MOST_APART = 4.0, 3.0 / LEAF_SIDE
+"""Posts around a cell that count for it, too, where they are no further apart than so
+many of its edges"""
 STEPS = 8
 """Along a cell's edge, between places where it is asked what shows there"""
 
@@ -30,11 +32,13 @@ class Affected:
             rims += [(group.outer, group), *zip(group.inner, group.layers, strict=True)]
         self._bent = [(rim, owner) for rim, owner in (rims[k] for k in change.rims) if rim]
         self._widest_m = max((layer.spacing_m for layer in mosaic.layers), default=0.0)
+        self._share = lru_cache(65536)(self._share_around)
         self.touches = lru_cache(65536)(self._touches)
         """whether a cell's tile may change: never no where it does"""
 
     def _touches(self, cell: int) -> bool:
-        if _meet(cell, self._change.pictures) or self._reaches(cell, 0.0):
+        share = self._share(cell)
+        if _meet(cell, self._change.pictures, share) or self._reaches(cell, 0.0):
             return True
         if not self._reaches(cell, self._widest_m):
             return False
@@ -46,15 +50,32 @@ class Affected:
 
     def _reaches(self, cell: int, margin_m: float) -> bool:
         """Say whether changed ground lies within a margin of a cell."""
-        if _meet(cell, [grown(box, margin_m) for box in self._change.ground]):
+        share = self._share(cell)
+        boxes = [grown(box, margin_m) for box in self._change.ground]
+        if _meet(cell, boxes, share):
             return True
-        return any(_is_bent(cell, *one, margin_m) for one in self._bent)
+        return any(_is_bent(cell, share, *one, margin_m) for one in self._bent)
+
+    def _share_around(self, cell: int) -> float:
+        """Return how much around a cell counts for its mesh and relief, of its edge."""
+        there = [one for one in self._mosaic.layers if overlap(cell, one.bounds_deg)]
+        posts = [one.spacing_m / edge_m(cell) for one in there]
+        relief = min(max(posts, default=0.0), 1.0 / LEAST_RELIEF_SIDE)
+        mesh = [POSTS * one for one in posts if one < MOST_APART]
+        return max(relief, 1.0 / RELIEF_SIDE, *mesh)
 
 
-def _is_bent(cell: int, rim: Rim, owner: SourceGroup | Layer, margin_m: float) -> bool:
+def _is_bent(
+    cell: int, share: float, rim: Rim, owner: SourceGroup | Layer, margin_m: float
+) -> bool:
     """Say whether a rim may bend places within a margin of a cell."""
+    layers = owner.layers if isinstance(owner, SourceGroup) else [owner]
+    reach_m = rim.feather_m + margin_m
+    if not _meet(cell, [grown(one.bounds_deg, reach_m) for one in layers], share):
+        return False
     centre, radius_m = _ball(cell)
-    limit_m = radius_m + rim.feather_m + margin_m
+    radius_m *= 1.0 + 2.0 * share
+    limit_m = radius_m + reach_m
     near_m = rim.distance_m(centre, limit_m)
     if near_m >= limit_m:
         return False
@@ -77,19 +98,19 @@ def _places(cell: int) -> tuple[Floats, Floats]:
 
 @lru_cache(4096)
 def _ball(cell: int) -> tuple[Ecef, float]:
-    """Return a ball on the ellipsoid around a cell and its margin."""
+    """Return a ball on the ellipsoid around a cell, centre and radius."""
     points = to_ecef(*_places(cell), 0.0)
     centre = points[len(points) // 2]
     far_m = float(np.linalg.norm(points - centre, axis=1).max())
-    return Ecef(centre), far_m * (1.0 + 2.0 * MARGIN)
+    return Ecef(centre), far_m
 
 
-def _meet(cell: int, boxes: list[Box]) -> bool:
-    """Say whether boxes have a part in common with a cell and its margin."""
+def _meet(cell: int, boxes: list[Box], share: float) -> bool:
+    """Say whether boxes have a part in common with a cell and a share of it around it."""
     if not boxes:
         return False
     w, s, e, n = np.radians(boxes).T
-    for west, south, east, north in _around(cell):
+    for west, south, east, north in _around(cell, share):
         high = np.maximum(s, south) < np.minimum(n, north)
         turns = [
             np.maximum(w + off, west) < np.minimum(e + off, east)
@@ -100,10 +121,10 @@ def _meet(cell: int, boxes: list[Box]) -> bool:
     return False
 
 
-def _around(cell: int) -> list[Box]:
-    """Return a cell and its margin as boxes, rad; a pole's has all longitudes."""
+def _around(cell: int, share: float) -> list[Box]:
+    """Return a cell and what is around it as boxes, rad; a pole's has all longitudes."""
     west, south, east, north = edges_rad(cell)
-    wide, high = MARGIN * (east - west), MARGIN * (north - south)
+    wide, high = share * (east - west), share * (north - south)
     boxes = [(west - wide, south - high, east + wide, north + high)]
     if north + high > np.pi / 2:
         boxes.append((-np.pi, np.pi / 2 - high, np.pi, np.pi))

@@ -6,7 +6,7 @@ others of their group; and around finer sources that stand on changed ground. Co
 sources stay as they are everywhere else.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,14 +52,20 @@ def change_of(before: Sequence[Source], after: Sequence[Source], mosaic: Mosaic)
         or _reach_m(old[key]) != _reach_m(new[key])
     }
     ground = [
-        grown(_box(one), max(_reach_m(side.get(key, {})) for side in (old, new)))
+        (
+            float(one["spacing_m"]),
+            grown(_box(one), max(_reach_m(side.get(key, {})) for side in (old, new))),
+        )
         for key, one in {**old, **new}.items()
         if one["kind"] == "terrain" and key in changed | moved
     ]
-    beside = {key for side in mates for key in side if not changed.isdisjoint(side[key])}
+    beside = {
+        key for m in mates for key in m.keys() - changed if not changed.isdisjoint(m[key])
+    }
     rims = _rims(mosaic, ground, {name for name, _ in beside})
     pictures = [{**old, **new}[key] for key in changed]
-    return Change([_box(one) for one in pictures if one["kind"] == "imagery"], ground, rims)
+    shown = [_box(one) for one in pictures if one["kind"] == "imagery"]
+    return Change(shown, [box for _, box in ground], rims)
 
 
 def _key(source: Source) -> Key:
@@ -83,19 +89,24 @@ def _mates(sources: dict[Key, Source]) -> dict[Key, list[Key]]:
     return {key: group for group in groups for key in group}
 
 
-def _rims(mosaic: Mosaic, ground: Iterable[Box], beside: set[str]) -> list[int]:
+def _rims(
+    mosaic: Mosaic, ground: Sequence[tuple[float, Box]], beside: set[str]
+) -> list[int]:
     """Return which rims are not what they were.
 
     Parameters
     ----------
+    ground : spacing of what changed, and its box: only finer sources stand on it
     beside : names of sources in whose group one came or went
     """
-    boxes, found, count = list(ground), [], 0
+    found, count = [], 0
     bent: list[tuple[SourceGroup, Rim]] = []
     for group in mosaic.groups:
         mixed = any(layer.name in beside for layer in group.layers)
         outer, *inner = enumerate([group.outer, *group.inner], count)
         count += 1 + len(inner)
+        coarsest_m = group.layers[0].spacing_m
+        boxes = [box for spacing_m, box in ground if spacing_m > coarsest_m]
         if outer[1] and (mixed or _stands_on(group, outer[1], boxes, bent)):
             found.append(outer[0])
             bent.append((group, outer[1]))

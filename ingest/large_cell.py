@@ -10,6 +10,7 @@ again, until the cell is within its bound.
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,29 @@ class Watched:
     error_m: float = 0.0
     misses: dict[int, Miss] = field(default_factory=dict)
     """by triangle"""
+    boxes: Floats | None = None
+    """(t, 2, 2) least and largest u, v of triangles that its stored tile has not; on
+    unchanged ground all others are within `error_m`"""
+
+    @classmethod
+    def again(
+        cls, surface: Surface, bound_m: float, stored: Surface, error_m: float
+    ) -> Self:
+        """Begin with what the cell's stored tile says of the triangles that it has, too."""
+        shared = shared_with(surface, stored)
+        if error_m > bound_m or not shared.any():
+            return cls(surface, bound_m)
+        at = surface.uv[surface.triangles[~shared]]
+        boxes = np.stack([at.min(axis=1), at.max(axis=1)], axis=1)
+        return cls(surface, bound_m, error_m, boxes=boxes)
+
+    def asks(self, cell: int) -> bool:
+        """Say whether an unchanged cell below has to be measured again."""
+        if self.boxes is None:
+            return True
+        u, v, size = window_in(self.surface.cell, cell)
+        near = (self.boxes[:, 0] < (u + size, v + size)) & (self.boxes[:, 1] > (u, v))
+        return bool(near.all(axis=1).any())
 
     def hold(self, truth: Truth) -> None:
         """Measure fresh triangles against a leaf; closer than before does not matter."""
@@ -114,6 +138,22 @@ def mended(
         if not known:
             break
     return best
+
+
+def shared_with(surface: Surface, stored: Surface) -> NDArray[np.bool_]:
+    """Say which triangles another surface of the cell has, too, (t,).
+
+    None at a pole: there a place may be nearer to a triangle that it does not lie under.
+    """
+    frames = [(*one.centre, one.scale_m) for one in (surface, stored)]
+    if frames[0] != frames[1] or (surface.across >= 0).any():
+        return np.zeros(len(surface.triangles), np.bool_)
+    rows = [np.column_stack([one.at, one.steps]) for one in (surface, stored)]
+    vertex = np.unique(np.concatenate(rows), axis=0, return_inverse=True)[1].ravel()
+    count = len(surface.at)
+    mine = np.sort(vertex[:count][surface.triangles], axis=1)
+    theirs = set(map(tuple, np.sort(vertex[count:][stored.triangles], axis=1).tolist()))
+    return np.array([tuple(one) in theirs for one in mine.tolist()], np.bool_)
 
 
 def worst_of(misses: Iterable[Miss]) -> dict[int, Miss]:

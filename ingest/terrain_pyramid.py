@@ -118,12 +118,8 @@ class ZoneBuilder:
         self._begin(old)
         depth = int(cells.level(cell))
         above = [int(cells.ancestor(cell, level)) for level in range(depth)]
-        self._above += [
-            Watched(self._meshed(one), inner_bound_m(one))
-            for one in above
-            if not self._stays(one)
-        ]
-        top = self._visit(cell, posts=bool(self._above))
+        self._above += [self._watched(one) for one in above if not self._stays(one)]
+        top = self._visit(cell, posts=False)
         self._finish(top)
         errors = {one.surface.cell: one.error_m for one in self._above}
         misses = {one.surface.cell: list(one.misses.values()) for one in self._above}
@@ -160,6 +156,15 @@ class ZoneBuilder:
     def _mesh_large(self, cell: int) -> Surface:
         return meshing_of(self._mosaic, cell).surface()
 
+    def _watched(self, cell: int) -> Watched:
+        """Begin to measure a cell above the part."""
+        surface, bound_m = self._meshed(cell), inner_bound_m(cell)
+        if cell not in self._old:
+            return Watched(surface, bound_m)
+        record = self._old[cell]
+        stored = stored_surface(self._mosaic.connection, record)
+        return Watched.again(surface, bound_m, stored, float(record["error_m"]))
+
     def _over(self, parts: Mapping[int, Part], cell: int) -> Node:
         """Put a cell above the parts together from what they say about it."""
         if cell in parts:
@@ -184,7 +189,7 @@ class ZoneBuilder:
 
         Parameters
         ----------
-        posts : whether the caller needs the posts below, even if the subtree stays
+        posts : whether the cell above needs the posts below, even if the subtree stays
         """
         if self._stays(cell):
             return self._kept(cell, posts=posts)
@@ -219,15 +224,20 @@ class ZoneBuilder:
         own = self._old[cell]
         error_m, low_m, high_m = (float(own[key]) for key in ("error_m", *HEIGHTS))
         node = Node(cell, None, error_m, low_m, high_m)
+        asked = posts or self._asked(cell)
         for one, record in self._old.items():
             if first <= one <= last:
                 if one != cell:
                     self._made.append(Made(record.reshape(1).copy(), None))
-                if posts and not record["children"]:
-                    node.truths += [
-                        self._measured(leaf) for leaf in self._plan.first_leaves(one)
-                    ]
+                if asked and not record["children"]:
+                    leaves = self._plan.first_leaves(one)
+                    asking = [leaf for leaf in leaves if posts or self._asked(leaf)]
+                    node.truths += [self._measured(leaf) for leaf in asking]
         return node
+
+    def _asked(self, cell: int) -> bool:
+        """Say whether a cell above the part needs the posts of an unchanged cell."""
+        return any(above.asks(cell) for above in self._above)
 
     def _measured(self, leaf: int) -> Truth:
         """Find what a leaf stands for, and measure the surfaces above the part with it."""

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ingest import terrain_build, terrain_pyramid
+from ingest.mosaic import Mosaic
 from ingest.source_group import groups_of
 from ingest.terrain import ingest_rasters, remove_raster
 from ingest.terrain_tile import inner_bound_m
+from ingest.truth import Truth, truth_of
 from tests.ingest.rasters import EGM96, UTM, hills, north_up, write
 from tiles.check import faults_of
 from tiles.lanes import Lane
@@ -114,6 +117,32 @@ def test_an_inset_leaves_the_tiles_of_what_it_stands_in(
         more = report["tiles"] - removed["tiles"]
         assert more < report["tiles_made"] < more + report["tiles"] / 4
     assert_same_world(at_once, world)
+
+
+@pytest.mark.slow
+def test_posts_of_unchanged_parts_are_not_held_against_what_their_tiles_are(
+    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cells above many parts: their errors still hold, and few leaves are measured."""
+    monkeypatch.setattr(terrain_build, "PART_LEAVES", 4)
+    measured: list[int] = []
+
+    def counted(mosaic: Mosaic, cell: int, side: int) -> Truth:
+        measured.append(cell)
+        return truth_of(mosaic, cell, side)
+
+    monkeypatch.setattr(terrain_pyramid, "truth_of", counted)
+    whole, world = tmp_path / "whole.geopage", tmp_path / "world.geopage"
+    ingest(whole, files["wide"], files["inner"])
+    at_once = len(measured)
+    ingest(world, files["wide"])
+    measured.clear()
+    ingest(world, files["inner"])
+    assert 0 < len(measured) < at_once / 2
+    assert_same_world(whole, world)
+    above, again = leaves(whole)[1], leaves(world)[1]
+    assert len(above) > 10
+    assert (again["error_m"] >= above["error_m"] * (1 - 1e-6)).all()
 
 
 def test_sources_far_apart_are_no_group() -> None:
