@@ -8,8 +8,9 @@ as it takes: a map projection for each texel would take longer than all the rest
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.boxes import edge_m, edges_rad
+from ingest.boxes import edge_m, edges_rad, overlap
 from ingest.layer import Layer
+from ingest.polar import is_polar, lon_at
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel
 from tiles.terrain import TEXTURE_SIDE
@@ -27,6 +28,10 @@ is left between the nodes themselves."""
 SHARE, CLEAR = 3, 4
 ALL = np.float32(0.999)
 """So opaque that nothing shows through: sums of weights are rounded."""
+MOST_SAMPLES = 32
+"""Texels of a picture averaged along a texel's row, where it is so much longer: near a
+pole, those of a picture in degrees are narrow."""
+Rows = NDArray[np.float32]
 
 
 def drape(cell: int, pictures: list[Layer]) -> NDArray[np.float32]:
@@ -57,6 +62,8 @@ def parts_under(
     box = np.radians(bounds_deg)
     y0, y1 = _span((box[1] - south) / texel, (box[3] - south) / texel)
     found = []
+    if is_polar(cell):
+        return [(0, TEXTURE_SIDE, y0, y1)] if y0 < y1 and overlap(cell, bounds_deg) else []
     for turn in (-2 * np.pi, 0.0, 2 * np.pi):
         x0, x1 = _span((box[0] + turn - west) / texel, (box[2] + turn - west) / texel)
         if x0 < x1 and y0 < y1:
@@ -83,21 +90,24 @@ def _lay(
     if found is not None:
         window, *places, limits = found
         weight = COARSE_SHARE if layer.spacing_m > COARSE_M else 1.0
-        _sample(window, np.stack(places), limits, np.array(part), np.float32(weight), out)
+        places_, most = np.stack(places), MOST_SAMPLES if is_polar(cell) else 1
+        _sample(window, places_, limits, np.array(part), np.float32(weight), most, out)
 
 
 def _nodes(
     cell: int, layer: Layer, part: tuple[int, int, int, int], texel_px: float
 ) -> Floats:
     """Return columns and rows in a picture, (2, n + 1, n + 1), over a rectangle."""
-    west, south, east, north = edges_rad(cell)
+    _, south, _, north = edges_rad(cell)
     x0, x1, y0, y1 = part
+    is_bent = layer.is_projected or is_polar(cell)
     for count in NODES:
         along = np.arange(count + 1) / (count * TEXTURE_SIDE)
         u, v = x0 / TEXTURE_SIDE + along * (x1 - x0), y0 / TEXTURE_SIDE + along * (y1 - y0)
-        lon, lat = np.meshgrid(west + u * (east - west), south + v * (north - south))
+        across, lat = np.meshgrid(u, south + v * (north - south))
+        lon = lon_at(cell, across, lat)
         places = np.stack(layer.pixels(lon.ravel(), lat.ravel())).reshape(2, *lon.shape)
-        if not layer.is_projected or _bend(places) < GOOD_PX * max(texel_px, 1.0):
+        if not is_bent or _bend(places) < GOOD_PX * max(texel_px, 1.0):
             break
     return places
 
@@ -117,6 +127,7 @@ def _sample(
     limits: Floats,
     part: NDArray[np.int64],
     weight: np.float32,
+    most: int,
     out: NDArray[np.float32],
 ) -> None:
     """Interpolate a picture between those of its texels that are not transparent.
@@ -127,39 +138,66 @@ def _sample(
     nodes : (2, n + 1, n + 1) columns and rows in the window, over the rectangle
     limits : (4,) least and largest x, least and largest y that the picture covers
     part : (4,) x0, x1, y0, y1 of the rectangle
+    most : samples of a texel
     out : of `drape`
     """
-    height, width = window.shape[0], window.shape[1]
-    spans = nodes.shape[1] - 1
-    one = np.float32(1.0)
+    spans, one = nodes.shape[1] - 1, np.float32(1.0)
     du, dv = spans / (part[1] - part[0]), spans / (part[3] - part[2])
     for j in range(part[2], part[3]):
         v = (j + 0.5 - part[2]) * dv
         r = min(int(v), spans - 1)
         for i in range(part[0], part[1]):
             clear = out[j, i, CLEAR]
+            if clear <= 0.0:
+                continue
             u = (i + 0.5 - part[0]) * du
             c = min(int(u), spans - 1)
             x = _between(nodes[0], r, c, u - c, v - r)
             y = _between(nodes[1], r, c, u - c, v - r)
-            inside = limits[0] < x < limits[1] and limits[2] < y < limits[3]
-            if clear <= 0.0 or not inside:
+            if not (limits[0] < x < limits[1] and limits[2] < y < limits[3]):
                 continue
-            x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
-            left, top = int(x), int(y)
-            right, low = min(left + 1, width - 1), min(top + 1, height - 1)
-            fx, fy = np.float32(x - left), np.float32(y - top)
-            w00 = _weight(window, top, left, (one - fx) * (one - fy))
-            w01 = _weight(window, top, right, fx * (one - fy))
-            w10 = _weight(window, low, left, (one - fx) * fy)
-            w11 = _weight(window, low, right, fx * fy)
-            for k in range(3):
-                north = w00 * window[top, left, k] + w01 * window[top, right, k]
-                south = w10 * window[low, left, k] + w11 * window[low, right, k]
-                out[j, i, k] += clear * weight * (north + south)
-            opaque = w00 + w01 + w10 + w11
+            wide, count = 0.0, 1
+            if most > 1:
+                wide = abs(_between(nodes[0], r, c, u - c + du, v - r) - x)
+                count = min(max(int(wide), 1), most)
+            red = green = blue = opaque = np.float32(0.0)
+            share = one / np.float32(count)
+            for k in range(count):
+                at = x + wide * ((k + 0.5) / count - 0.5)
+                texel = _texel(window, at, y)
+                red += share * texel[0]
+                green += share * texel[1]
+                blue += share * texel[2]
+                opaque += share * texel[3]
+            out[j, i, 0] += clear * weight * red
+            out[j, i, 1] += clear * weight * green
+            out[j, i, 2] += clear * weight * blue
             out[j, i, SHARE] += clear * weight * opaque
             out[j, i, CLEAR] *= one - opaque if opaque < ALL else np.float32(0.0)
+
+
+@inlined
+def _texel(
+    window: NDArray[np.uint8], x: float, y: float
+) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+    """Return a colour times its share, and the share, between four texels."""
+    height, width, one = window.shape[0], window.shape[1], np.float32(1.0)
+    x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
+    left, top = int(x), int(y)
+    right, low = min(left + 1, width - 1), min(top + 1, height - 1)
+    fx, fy = np.float32(x - left), np.float32(y - top)
+    w00 = _weight(window, top, left, (one - fx) * (one - fy))
+    w01 = _weight(window, top, right, fx * (one - fy))
+    w10 = _weight(window, low, left, (one - fx) * fy)
+    w11 = _weight(window, low, right, fx * fy)
+    nw, ne = window[top, left], window[top, right]
+    sw, se = window[low, left], window[low, right]
+    return (
+        w00 * nw[0] + w01 * ne[0] + w10 * sw[0] + w11 * se[0],
+        w00 * nw[1] + w01 * ne[1] + w10 * sw[1] + w11 * se[1],
+        w00 * nw[2] + w01 * ne[2] + w10 * sw[2] + w11 * se[2],
+        w00 + w01 + w10 + w11,
+    )
 
 
 @inlined

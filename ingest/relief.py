@@ -74,13 +74,13 @@ def steeper_of(texel_m: Floats) -> Floats:
 
 def lattice_slopes(lon: Floats, lat: Floats, heights: Floats) -> Floats:
     """Return slopes from a lattice's neighbours, (n, n, 2)."""
-    # Rows lie along parallels.
-    width = WGS84_A_M * np.maximum(np.cos(lat[1:-1, :1]), 1e-3)
-    east = (heights[1:-1, :-2] - heights[1:-1, 2:]) / (
-        width * (lon[1:-1, 2:] - lon[1:-1, :-2])
-    )
+    # Rows lie along parallels; columns lean towards a pole (ingest/polar.py).
+    turn = np.maximum(lon[1:-1, 2:] - lon[1:-1, :-2], 1e-12)
+    fall = (heights[1:-1, :-2] - heights[1:-1, 2:]) / turn
+    east = fall / (WGS84_A_M * np.maximum(np.cos(lat[1:-1, :1]), 1e-3))
+    lean = fall * (lon[2:, 1:-1] - lon[:-2, 1:-1])
     rise = np.maximum(lat[2:, 1:-1] - lat[:-2, 1:-1], 1e-12) * WGS84_A_M
-    north = (heights[:-2, 1:-1] - heights[2:, 1:-1]) / rise
+    north = (heights[:-2, 1:-1] - heights[2:, 1:-1] - lean) / rise
     return np.stack([east, north], axis=-1)
 
 

@@ -11,13 +11,13 @@ from ingest.boxes import Box, edge_m, edges_rad, overlap, window_in
 from ingest.coast import coast_of, fine_beside
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
+from ingest.polar import texel_lattice
 from ingest.relief import slopes_of
 from ingest.surface_texture import colours, texel_m_of
 from ingest.terrain_mesh import (
     CORNERS,
     Places,
     Surface,
-    lattice_places,
     snapped,
 )
 from tiles import geodesy
@@ -105,7 +105,7 @@ def painted(
     # Between its posts a source has no relief: on a finer lattice its triangles would show.
     finest_m = held[-1].spacing_m if held else step_m(cell, RELIEF_SIDE)
     side = int(np.clip(edge_m(cell) / finest_m, LEAST_RELIEF_SIDE, RELIEF_SIDE))
-    lon, lat = lattice_places(cell, side, margin=1)
+    lon, lat = texel_lattice(cell, side)
     step = step_m(cell, side)
     found, sea = mosaic.heights_and_sea(lon.ravel(), lat.ravel(), step)
     heights, zero = found.reshape(lon.shape), sea.reshape(lon.shape)

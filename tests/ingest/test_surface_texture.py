@@ -46,7 +46,11 @@ def plain(colour: tuple[int, int, int], side: int = 60, bands: int = 3) -> Pictu
 def texel_places(cell: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     west, south, east, north = cells.bounds_rad(cell)
     middle = (np.arange(256) + 0.5) / 256
-    return np.meshgrid(west + middle * (east - west), south + middle * (north - south))
+    u, lat = np.meshgrid(middle, south + middle * (north - south))
+    # Beyond 45 degrees texels draw together towards the pole, linearly in latitude.
+    share = np.minimum((np.pi / 2 - np.abs(lat)) / (np.pi / 4), 1.0)
+    away = np.clip((u - 0.5) / share * (east - west), -0.75 * np.pi, 0.75 * np.pi)
+    return (west + east) / 2 + away, lat
 
 
 @pytest.fixture
@@ -184,12 +188,10 @@ def test_a_transparent_place_without_another_picture_shows_the_tint(
 
 def test_black_is_a_colour(opened: Opener) -> None:
     cell = cell_of(8)
-    west, south, _, north = np.degrees(cells.bounds_rad(cell))
-    found = drape(
-        cell, [opened(plain((0, 0, 0)), north_up(west, north, (north - south) / 60))]
-    )
+    west, _, _, north = np.degrees(cells.bounds_rad(cell))
+    found = drape(cell, [opened(plain((0, 0, 0)), north_up(west - 0.05, north, 0.3 / 60))])
     assert found[..., SHARE].min() > 0.999
-    assert found[..., :3].max() <= 1
+    assert found[..., :3].max() < 1.001
 
 
 def test_a_picture_with_nothing_opaque_is_refused(opened: Opener) -> None:
@@ -211,8 +213,7 @@ def test_a_picture_of_the_whole_earth_covers_it_up_to_the_poles(opened: Opener) 
     for lon, lat in ((179.9, 10.0), (-179.9, -10.0), (20.0, 89.9), (20.0, -89.9)):
         for level in (0, 3):
             share = drape(cell_of(level, lon, lat), [layer])[..., SHARE]
-            assert (share == share.max()).all()
-            assert share.max() > 0.5
+            assert share.min() > 0.999 * share.max() > 0.5
 
 
 def test_the_rectangles_under_a_box_hold_every_texel_in_it(
@@ -224,6 +225,9 @@ def test_the_rectangles_under_a_box_hold_every_texel_in_it(
         cell = cell_of(int(rng.integers(4)), rng.uniform(-180, 180), rng.uniform(-90, 90))
         lon, lat = np.degrees(texel_places(cell))
         inside = ((lon - box[0]) % 360 < box[2] - box[0]) & (lat > box[1]) & (lat < box[3])
+        # What lies beside the cell is only blended into its edge.
+        edge = np.degrees(cells.bounds_rad(cell))
+        inside &= (lon > edge[0]) & (lon < edge[2])
         held = np.zeros((256, 256), bool)
         for x0, x1, y0, y1 in parts_under(cell, box):
             held[y0:y1, x0:x1] = True

@@ -6,7 +6,8 @@ layout(binding = 0) uniform sampler2DArray surface;
 in vec2 place;
 flat in vec4 draw;
 #ifdef GRAIN
-flat in float texels;
+in float texels;
+in vec2 spot;
 #endif
 #ifdef HIGH
 in vec3 seen;
@@ -25,7 +26,7 @@ vec4 ground(out vec2 grains) {
 #ifdef GRAIN
     vec2 x = dFdx(place), y = dFdy(place);
     float pixel = sqrt(max(dot(x, x), dot(y, y)));  // of the cell
-    grains = ground_noise(draw.xy + place * draw.z, pixel * draw.z) * picture.z;
+    grains = ground_noise(draw.xy + spot * draw.z, pixel * draw.z) * picture.z;
     float texel_px = 1.0 / (256.0 * pixel);
     // Large texels are pulled about, so that their rows don't show; not at the edges,
     // where the neighbour's texels are out of reach.

@@ -1,7 +1,8 @@
-out vec2 place;
+out vec2 place;  // in the texture
 flat out vec4 draw;
 #ifdef GRAIN
-flat out float texels;  // across what the data show
+out float texels;  // across what the data show
+out vec2 spot;     // in the cell
 #endif
 #ifdef HIGH
 out vec3 seen;
@@ -9,13 +10,25 @@ out vec3 seen;
 out vec2 air;  // scale heights of air, and mist, on a metre of the way
 #endif
 
+float width(vec3 q) {
+    // The share of its texture that a cell takes across at a place (ingest/polar.py): the
+    // angle to the pole by 45 degrees. From the unit sphere to the ellipsoid's up: by
+    // (a / b)^2. The arc sine is a polynomial, off by less than 1e-4.
+    float axis = dot(q.xy, q.xy), square = axis / (axis + 1.00673950 * q.z * q.z);
+    float series = 1.0 + square * (0.16942 + square * (0.04971 + square * 0.10837));
+    return min(sqrt(square) * series / 0.78539816, 1.0);
+}
+
 void main() {
-    vec3 from_eye = seen_from_eye() + hem();
+    vec3 on_ground = seen_from_eye(), from_eye = on_ground + hem();
     place = vec2(detail) / 32768.0;
+    float share = width(eye.xyz + on_ground * TO_UNIT);
     draw = draw_place;
 #ifdef GRAIN
-    texels = draw_entry.w;
+    spot = place;
+    texels = draw_entry.w * share;  // what is narrower than its grain has none
 #endif
+    place.x = 0.5 + (place.x - 0.5) * share;
 #ifdef HIGH
     seen = from_eye;
 #else
