@@ -33,6 +33,8 @@ CORNERS = 4
 """The first points are the square's corners, south-west first, counter-clockwise."""
 MOST_TRIANGLES = 120_000
 """More would have more vertices than 16 bits can name."""
+LONG_WALK = 1000
+"""Triangles that a walk crosses before it goes on at random"""
 
 
 Corners = tuple[int, int, int]
@@ -196,13 +198,21 @@ def begin(net: Net, lists: Lists, points: int) -> int:
 
 @borrowing
 def over(net: Net, t: int, q: int) -> int:
-    """Walk from triangle t to the one that q lies over."""
+    """Walk from triangle t to the one that q lies over.
+
+    At a pole, where triangles are Delaunay on another map, always trying edges in the same
+    order may go round in circles: a long walk tries them at random.
+    """
     at, corner, opposite = net.at, net.corner, net.opposite
-    k = 0
+    first, k, steps, drawn = 0, 0, 0, 1
     while k < 3:
-        across = opposite[3 * t + k]
-        if across >= 0 and turn(at, corner[t, k], corner[t, (k + 1) % 3], q) < 0:
-            t, k = across // 3, 0
+        e = (first + k) % 3
+        across = opposite[3 * t + e]
+        if across >= 0 and turn(at, corner[t, e], corner[t, (e + 1) % 3], q) < 0:
+            t, k, steps = across // 3, 0, steps + 1
+            if steps > LONG_WALK:
+                drawn = (drawn * 1103515245 + 12345) & 0x7FFFFFFF
+                first = (drawn >> 16) % 3
         else:
             k += 1
     return t

@@ -47,6 +47,8 @@ class Places:
 
 
 LEAN = 1 / 16
+POLE_RAD = 1e-7
+"""So near to a pole, 0.6 m, a map's edge is drawn"""
 POLAR_RAD = math.pi / 2 - 1e-9
 CORNER_STEPS = np.array([(UV_ONE, 0), (0, UV_ONE)])
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
@@ -251,7 +253,10 @@ def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:
     """Return places on a map of the cell on which triangles should be compact, (n, 2).
 
     The map has the cell's proportions, a little longer along one diagonal, so that four
-    posts are joined along the other; of a cell at a pole it is stereographic.
+    posts are joined along the other. Of a cell at a pole it is Mercator's: true to shape
+    like a stereographic one, but the pole is an edge of it, as it is an edge of the cell.
+    Else triangles reach far along that edge which are nothing but a line in the cell, and
+    can't be divided.
     """
     west, south, east, north = edges_rad(cell)
     u, v = (at / UV_ONE).T
@@ -259,6 +264,5 @@ def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:
         wide = (east - west) / (north - south) * math.cos((south + north) / 2)
         return np.stack([wide * (u + LEAN * lean * v), v + LEAN * lean * u], axis=1)
     turn = math.copysign(1.0, south + north)
-    radius = np.tan((np.pi / 2 - turn * (south + v * (north - south))) / 2)
-    angle = u * (east - west)
-    return np.stack([radius * np.sin(angle), -turn * radius * np.cos(angle)], axis=1)
+    beyond = np.maximum(np.pi / 2 - turn * (south + v * (north - south)), POLE_RAD)
+    return np.stack([u * (east - west), -turn * np.log(np.tan(beyond / 2))], axis=1)
