@@ -56,6 +56,8 @@ class Lists(NamedTuple):
     """(n,) squared distance of each vertex when it was inserted"""
     normals: Floats
     """(m, 3) room for unit normals, or sags"""
+    sides: Ints
+    """(m, 9) room for what says on which side of its edges a triangle's inside is"""
     fresh: NDArray[np.bool_]
     """(m,) triangles written since somebody looked"""
     unseen: NDArray[np.bool_]
@@ -103,6 +105,34 @@ def _sags(
 
 
 @inlined
+def _sides(at: Ints, corner: Ints, star: Ints, size: int, sides: Ints) -> None:
+    """Write what a place and 1 are multiplied by to give `turn` at a star's edges."""
+    for n in range(size):
+        for k in range(3):
+            a, b = corner[star[n], (k + 1) % 3], corner[star[n], (k + 2) % 3]
+            east, north = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1]
+            sides[n, 3 * k], sides[n, 3 * k + 1] = -north, east
+            sides[n, 3 * k + 2] = north * at[a, 0] - east * at[a, 1]
+
+
+@inlined
+def _over(sides: Ints, size: int, x: int, y: int) -> tuple[int, Weights]:
+    """Return which triangle of a star is over a place, or `size`; twice areas there."""
+    for n in range(size):
+        # One by one: most triangles are ruled out by the first.
+        w0 = sides[n, 0] * x + sides[n, 1] * y + sides[n, 2]
+        if w0 < 0:
+            continue
+        w1 = sides[n, 3] * x + sides[n, 4] * y + sides[n, 5]
+        if w1 < 0:
+            continue
+        w2 = sides[n, 6] * x + sides[n, 7] * y + sides[n, 8]
+        if w2 >= 0:
+            return n, (w0, w1, w2)
+    return size, (0, 0, 0)
+
+
+@inlined
 def off_upright(
     high_m: Floats, sags: Floats, n: int, corners: Corners, weights: Weights, q: int
 ) -> float:
@@ -140,37 +170,40 @@ def assign(net: Net, lists: Lists, orphans: int, star: Ints, size: int, p: int) 
     """Give orphans but p to the triangle of a star that they lie over; note the worst."""
     at, corner, points, must = net.at, net.corner, net.points, net.must
     head, after, candidate, worst = lists.head, lists.after, lists.candidate, lists.worst
-    normals, high_m, middle = lists.normals, net.high_m, net.middle
+    normals, sides = lists.normals, lists.sides
+    high_m, middle = net.high_m, net.middle
     upright = middle[0] != 0.0 or middle[1] != 0.0 or middle[2] != 0.0
     if upright:
         _sags(points, high_m, middle, corner, star, size, normals)
     else:
         slopes(points, corner, star, size, normals)
+    _sides(at, corner, star, size, sides)
     for n in range(size):
         t = star[n]
         head[t], candidate[t], worst[t] = -1, -1, -1.0
     while orphans >= 0:
         q = orphans
         orphans = after[q]
-        for n in range(size * int(not _is_at(at, lists.weight, q, p))):
-            t = star[n]
-            a, b, c = corner[t, 0], corner[t, 1], corner[t, 2]
-            w0, w1, w2 = turn(at, b, c, q), turn(at, c, a, q), turn(at, a, b, q)
-            if w0 < 0 or w1 < 0 or w2 < 0:
-                continue
-            after[q] = head[t]
-            head[t] = q
-            if at[q, 0] % UV_ONE == 0 or at[q, 1] % UV_ONE == 0:
-                squared = off_rim(points, (a, b, c), (w0, w1, w2), q)
-            elif upright:
-                squared = off_upright(high_m, normals, n, (a, b, c), (w0, w1, w2), q)
-            else:
-                squared = off_plane(points, normals, n, a, q)
-            if must[q]:
-                squared += ALWAYS
-            if squared > worst[t]:
-                worst[t], candidate[t] = squared, q
-            break
+        x, y = at[q, 0], at[q, 1]
+        if _is_at(at, lists.weight, q, p):
+            continue
+        n, weights = _over(sides, size, x, y)
+        if n == size:
+            continue
+        t = star[n]
+        corners = corner[t, 0], corner[t, 1], corner[t, 2]
+        after[q] = head[t]
+        head[t] = q
+        if x % UV_ONE == 0 or y % UV_ONE == 0:
+            squared = off_rim(points, corners, weights, q)
+        elif upright:
+            squared = off_upright(high_m, normals, n, corners, weights, q)
+        else:
+            squared = off_plane(points, normals, n, corners[0], q)
+        if must[q]:
+            squared += ALWAYS
+        if squared > worst[t]:
+            worst[t], candidate[t] = squared, q
 
 
 @inlined

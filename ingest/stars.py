@@ -46,11 +46,10 @@ def star_of(
     How many vertices and triangles there are; 0, 0 for too many. On the rim there is a
     vertex more: there the last edge goes straight through the vertex itself.
     """
-    for _ in range(MOST):  # on the rim, begin at the first
-        across = opposite[e]
-        if across < 0:
-            break
+    start, across = e, opposite[e]
+    while across >= 0:  # on the rim, begin at the first
         e = across - 2 if across % 3 == 2 else across + 1
+        across = opposite[e] if e != start else -1
     start = e
     for m in range(MOST):
         t, k = e // 3, e % 3

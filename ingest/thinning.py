@@ -101,14 +101,22 @@ def _gap_over(
     fan: tuple[int, int],
     q: int,
 ) -> float:
-    """Return how far a point is from a fan around vertex j of n, m."""
+    """Return how far a point in a ring is from a fan around vertex j of n, m.
+
+    Of a fan with a triangle without area the answer means nothing.
+    """
     j, n = fan
     a = ring[j]
+    x, y = at[a, 0], at[a, 1]
+    east, north = at[q, 0] - x, at[q, 1] - y
+    # Which triangle of the fan a point lies in, the edges from its middle say alone.
+    w1 = (at[ring[j + 1], 1] - y) * east - (at[ring[j + 1], 0] - x) * north
     for i in range(1, n - 1):
         b, c = ring[j + i], ring[j + i + 1]
-        w0, w1, w2 = turn(at, b, c, q), turn(at, c, a, q), turn(at, a, b, q)
-        if w0 < 0 or w1 < 0 or w2 < 0:
+        w2, w1 = -w1, (at[c, 1] - y) * east - (at[c, 0] - x) * north
+        if w1 < 0 or w2 < 0:
             continue
+        w0 = turn(at, b, c, q)
         if at[q, 0] % UV_ONE == 0 or at[q, 1] % UV_ONE == 0:
             return float(np.sqrt(off_rim(points, (a, b, c), (w0, w1, w2), q)))
         part = 1.0 / (w0 + w1 + w2)
@@ -154,6 +162,6 @@ def _best_fan(
             while q >= 0 and most <= best_m:
                 most = max(most, _gap_over(at, points, high_m, twice_m, ring, (j, n), q))
                 q = after[q]
-        if most <= best_m:
+        if most < best_m:
             best_m, chosen = most, j
     return chosen

@@ -46,6 +46,7 @@ class Triangulation:
             np.full(2 * room, -1.0),
             np.full(room, np.inf),
             np.empty((2 * room, 3)),
+            np.empty((2 * room, 9), np.int64),
             np.ones(2 * room, np.bool_),
             np.ones(2 * room, np.bool_),
         )
