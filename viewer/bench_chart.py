@@ -9,6 +9,7 @@ import numpy as np
 
 from tiles.frames import Floats
 from viewer.charts import COLOURS, plain_ticks, pyplot, save
+from viewer.curve_labels import Label, name_curves
 
 ACROSS = (
     ("paced", "frame_p50_ms", 1.0, "time of a frame, ms (line: to the slowest 1 %)"),
@@ -198,35 +199,5 @@ def _direct_labels(
     for method, of in series:
         x, y = (float(part[-1]) for part in _points(of, across, vertical))
         if np.isfinite(x * y):
-            at = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))
-            ends.append((float(at[1]), method, (x, y)))
-    ends.sort()
-    heights = apart([end[0] for end in ends], LABEL_STEP)
-    for height, (_, method, point) in zip(heights, ends, strict=True):
-        colour = styles[method][0]
-        axes.annotate(
-            method,
-            point,
-            xytext=(1.04, height),
-            textcoords="axes fraction",
-            color=colour,
-            fontsize=8,
-            va="center",
-            annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "alpha": 0.6},
-        )
-
-
-def apart(heights: Sequence[float], step: float) -> list[float]:
-    """Return ascending heights moved as little as need be, at least `step` apart.
-
-    They stay in 0..1 as long as there is room for them.
-    """
-    top = max(1.0, step * (len(heights) - 1))
-    found = list(heights)
-    for i in range(1, len(found)):
-        found[i] = max(found[i], found[i - 1] + step)
-    for i in range(len(found) - 1, -1, -1):
-        limit = top if i == len(found) - 1 else found[i + 1] - step
-        found[i] = min(found[i], limit)
-    return found
+            ends.append(Label(method, styles[method][0], (x, y)))
+    name_curves(axes, ends, LABEL_STEP, x=1.04, size=8)

@@ -6,14 +6,14 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from viewer.bench_chart import apart
 from viewer.charts import COLOURS, pyplot, save
+from viewer.curve_labels import Label, name_curves
 
 REFERENCE = "oracle"
 OURS = "benefit"
 OTHERS = (*COLOURS[1:], "#555555", "#8c564b", "#332288", "#999933")
 MARKERS = "sD^vPX<>h"
-STEP, TOP = 0.05, 0.97
+STEP, TOP = 0.0485, 0.97
 """Of the axes' height: between two names, and of the highest"""
 ALIKE = 1.0
 """Points within which curves need no names"""
@@ -126,19 +126,9 @@ def _labels(axes: Any, found: Curves) -> None:
             ha="center",
         )
         return
-    low, high = axes.get_ylim()
-    heights = [(share - low) / (high - low) / TOP for share, _, _ in first]
-    places = [TOP * height for height in apart(heights, STEP)]
-    for place, (share, name, speed) in zip(places, first, strict=True):
-        style = style_of(list(found), name)
-        axes.annotate(
-            name,
-            (speed, share),
-            xytext=(0.015, place),
-            textcoords="axes fraction",
-            color=style["color"],
-            fontsize=9,
-            fontweight="bold" if name == OURS else "normal",
-            va="center",
-            arrowprops={"arrowstyle": "-", "color": style["color"], "lw": 0.5},
-        )
+    labels = []
+    for share, name, speed in first:
+        weight = "bold" if name == OURS else "normal"
+        colour = style_of(list(found), name)["color"]
+        labels.append(Label(name, colour, (speed, share), weight))
+    name_curves(axes, labels, STEP, x=0.015, top=TOP)

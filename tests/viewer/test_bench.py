@@ -23,13 +23,14 @@ from tiles.forest import build_forest
 from tiles.index_tree import INDEX
 from tiles.lanes import Lane
 from viewer.bench import Bench, bench
-from viewer.bench_chart import apart, bench_chart
+from viewer.bench_chart import bench_chart
 from viewer.bench_methods import METHODS, PACED, SETTLED, that_differ
 from viewer.bench_modes import Hurried
 from viewer.bench_score import Frame, KeyFrame, Scorer
 from viewer.bench_table import COLUMNS, NAMES
 from viewer.camera_path import read_path
 from viewer.cli_bench import bench as command
+from viewer.curve_labels import apart
 from viewer.poses import Flight
 from viewer.session import Picture, Session
 

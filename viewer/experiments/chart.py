@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tiles.frames import Floats
-from viewer.bench_chart import apart
 from viewer.charts import COLOURS, pyplot, save
+from viewer.curve_labels import Label, name_curves
 from viewer.experiments.rows import Chart, Series
 
 SIZE = (8.6, 4.4)
@@ -60,22 +60,22 @@ def _curves(axes: Any, chart: Chart) -> None:
         style = "--" if one.paper else "-"
         axes.plot(x, y, style, color=colour, lw=1.6 if dots else 0.9, **dots)
         last = int(np.argmax(x))
-        ends.append((one.label, colour, (float(x[last]), float(y[last]))))
+        ends.append(Label(one.label, colour, (float(x[last]), float(y[last]))))
     if chart.log_x or chart.log_y:
         _plain(axes, chart)
     if not chart.log_y:
         axes.set_ylim(bottom=0)
     if len(chart.series[0].x) > 40:
         ends = _rightmost(chart)
-    _labels(axes, ends)
+    name_curves(axes, ends, LABEL_STEP, x=1.03)
 
 
-def _rightmost(chart: Chart) -> list[tuple[str, str, tuple[float, float]]]:
+def _rightmost(chart: Chart) -> list[Label]:
     """Return labels at the medians of noisy curves' last parts."""
     found = []
     for one, colour in zip(chart.series, colours_of(chart), strict=True):
         y = _values(one, is_log=chart.log_y)
-        found.append((one.label, colour, (float(one.x[-1]), float(np.median(y[-9:])))))
+        found.append(Label(one.label, colour, (float(one.x[-1]), float(np.median(y[-9:])))))
     return found
 
 
@@ -107,28 +107,6 @@ def _plainly(value: float) -> str:
     return f"{value:,.0f}" if value >= 10 else f"{value:.2g}"
 
 
-def _labels(axes: Any, ends: list[tuple[str, str, tuple[float, float]]]) -> None:
-    """Name each curve right of the panel, with a line to its end."""
-    placed = []
-    for label, colour, point in ends:
-        at = axes.transAxes.inverted().transform(axes.transData.transform(point))
-        placed.append((float(at[1]), label, colour, point))
-    placed.sort()
-    heights = apart([one[0] for one in placed], LABEL_STEP)
-    for height, (_, label, colour, point) in zip(heights, placed, strict=True):
-        axes.annotate(
-            label,
-            point,
-            xytext=(1.03, height),
-            textcoords="axes fraction",
-            color=colour,
-            fontsize=9,
-            va="center",
-            annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.5, "alpha": 0.6},
-        )
-
-
 def _bars(axes: Any, chart: Chart) -> None:
     count = len(chart.series)
     width = 0.8 / count
@@ -139,11 +117,11 @@ def _bars(axes: Any, chart: Chart) -> None:
         y = _values(one, is_log=chart.log_y)
         bars = axes.bar(x, y, width, color=colour, edgecolor="white", lw=0.5)
         axes.bar_label(bars, [_plainly(v) for v in y], fontsize=6.5, color=colour)
-        ends.append((one.label, colour, (float(x[-1] + width / 2), float(y[-1]))))
+        ends.append(Label(one.label, colour, (float(x[-1] + width / 2), float(y[-1]))))
     if chart.log_y:
         axes.set_yscale("log")
         _plain(axes, chart)
     axes.set_xticks(place, [_in_two(name) for name in chart.bars], fontsize=8)
     axes.grid(visible=False, axis="x")
     axes.set_xlim(-0.5, len(place) - 0.5)
-    _labels(axes, ends)
+    name_curves(axes, ends, LABEL_STEP, x=1.03)
