@@ -1,39 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`geopage render`, `fly`, `accuracy`, `chart` and `demo`."""
+"""`geopage render`, `fly`, `chart` and `demo`."""
 
 import argparse
-import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from geopage.arguments import (
     HEADING_PITCH,
     LAT_LON_HEIGHT,
     Parser,
-    numbers,
     pixel,
     positive,
     print_json,
-    size,
     whole,
 )
-from geopage.palettes import RAMPS
 from geopage.policies.described import described
-from geopage.scale import legend_lines
-from geopage.settings import (
-    DETAILS,
-    FADE_S,
-    LONGEST_FADE_S,
-    MIB,
-    POLICIES,
-    PagerSettings,
-    Throttle,
+from geopage.settings import DETAILS, POLICIES
+from viewer.cli_options import (
+    THROTTLE,
+    drawing,
+    height_reference,
+    paging,
+    picture_of,
+    print_legend,
+    print_report,
+    settings_of,
+    styling,
 )
-from geopage.style import parse_style
-from viewer.session import Picture
-
-THROTTLE = numbers(2, "MIB_PER_S,LATENCY_MS", ((1e-6, 1e6), (0, 1e6)))
 
 
 def render(words: list[str]) -> int:
@@ -51,12 +44,7 @@ def render(words: list[str]) -> int:
     parser.add_argument(
         "--fov", type=positive, default=60.0, metavar="DEG", help="vertical"
     )
-    parser.add_argument(
-        "--height-reference",
-        choices=("ground", "ellipsoid"),
-        default="ground",
-        help="of --at",
-    )
+    height_reference(parser)
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="OUT.png")
     parser.add_argument(
         "--positions", type=Path, metavar="OUT.npy", help="drawn points, ECEF m"
@@ -85,6 +73,28 @@ def render(words: list[str]) -> int:
 
 def fly(words: list[str]) -> int:
     """Fly a camera path and write a report."""
+    parser = parser_of_fly()
+    given = parser.read(words)
+    if given.poses < 2:
+        parser.error("--poses is below 2")
+    if given.settled and given.fps:
+        parser.error("--fps is for flights in real time")
+    if given.pairs or given.profile is not None:
+        if given.film or given.fps or given.style:
+            parser.error("--pairs and --profile take no --film, --fps or --style")
+        return look_closer(given)
+    from viewer.run import Run, summary  # noqa: PLC0415  (opens GL)
+    from viewer.run import fly as fly_path  # noqa: PLC0415
+
+    run = Run(given.path, given.out, not given.settled, given.poses, given.film)
+    run = replace(run, style=given.style, fps=given.fps)
+    report = fly_path(given.store, settings_of(given), picture_of(given), run)
+    print_report(report, given, summary)
+    return 0
+
+
+def parser_of_fly() -> Parser:
+    """Return what reads the words of `fly`."""
     parser = Parser(
         "fly",
         "Fly a camera path and write report.json, frames.csv, flight.svg and index.html.",
@@ -109,21 +119,12 @@ def fly(words: list[str]) -> int:
         help="where the time of the frame at T_S goes; writes profile.json alone",
     )
     parser.add_argument("--poses", type=int, default=60, help="of a settled flight")
-    parser.add_argument(
-        "--policy", choices=POLICIES, default="benefit", help="what is read next: see below"
-    )
+    paging(parser, "what is read next: see below")
     parser.add_argument(
         "--throttle",
         type=THROTTLE,
         metavar="MIB_PER_S,LATENCY_MS",
         help="read as over a slow disk or line",
-    )
-    parser.add_argument(
-        "--fade",
-        type=fade,
-        default=FADE_S,
-        metavar="SECONDS",
-        help="time in which objects turn into others (0: swap; default %(default)s)",
     )
     parser.add_argument(
         "--detail",
@@ -142,27 +143,7 @@ def fly(words: list[str]) -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     drawing(parser)
     styling(parser)
-    given = parser.read(words)
-    if given.poses < 2:
-        parser.error("--poses is below 2")
-    if given.settled and given.fps:
-        parser.error("--fps is for flights in real time")
-    if given.pairs or given.profile is not None:
-        if given.film or given.fps or given.style:
-            parser.error("--pairs and --profile take no --film, --fps or --style")
-        return look_closer(given)
-    from viewer.run import Run, summary  # noqa: PLC0415  (opens GL)
-    from viewer.run import fly as fly_path  # noqa: PLC0415
-
-    run = Run(given.path, given.out, not given.settled, given.poses, given.film)
-    run = replace(run, style=given.style, fps=given.fps)
-    report = fly_path(given.store, settings_of(given), picture_of(given), run)
-    if given.json:
-        print_json(report)
-    else:
-        print_legend(report)
-        print(summary(report))
-    return 0
+    return parser
 
 
 def look_closer(given: argparse.Namespace) -> int:
@@ -214,65 +195,3 @@ def demo(words: list[str]) -> int:
     make_demo(given.out)
     print(f"open {given.out / 'index.html'}")
     return 0
-
-
-def drawing(parser: Parser) -> None:
-    """Add what all drawing commands have."""
-    parser.add_argument(
-        "--size", type=size, default=(1280, 720), metavar="WxH", help="of the picture, px"
-    )
-    parser.add_argument(
-        "--threshold", type=positive, default=2.0, metavar="PX", help="largest screen error"
-    )
-    parser.add_argument(
-        "--object-threshold",
-        type=positive,
-        metavar="PX",
-        help="least projected size of an object",
-    )
-    parser.add_argument(
-        "--budget",
-        type=positive,
-        default=512.0,
-        metavar="MIB",
-        help="for tiles and indexes",
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def styling(parser: Parser) -> None:
-    """Add what the commands have that draw buildings in colours."""
-    parser.add_argument(
-        "--style",
-        type=parse_style,
-        metavar="FIELD[:RAMP]",
-        help=f"colours of buildings: FIELD, FIELD:RAMP (of {', '.join(RAMPS)}),"
-        " FIELD:RAMP:MIN,MAX, FIELD=VALUE:#rrggbb,*:#rrggbb, or a .json file",
-    )
-
-
-def print_legend(report: dict[str, Any]) -> None:
-    """Say which colour is which, on stderr."""
-    if "style" in report:
-        print("\n".join(legend_lines(report["style"])), file=sys.stderr)
-
-
-def settings_of(given: argparse.Namespace) -> PagerSettings:
-    """Return the pager's settings."""
-    throttle = Throttle(*given.throttle) if getattr(given, "throttle", None) else None
-    policy = getattr(given, "policy", "benefit")
-    fade_s = getattr(given, "fade", 0.0)  # what is settled has no fades
-    budget = int(given.budget * MIB)
-    detail = getattr(given, "detail", DETAILS[0])
-    limits = given.threshold, given.object_threshold
-    return PagerSettings(*limits, budget, throttle, policy, fade_s, detail)
-
-
-def fade(text: str) -> float:
-    """Read the duration of a fade, s."""
-    return numbers(1, "SECONDS", ((0, LONGEST_FADE_S),))(text)[0]
-
-
-def picture_of(given: argparse.Namespace) -> Picture:
-    """Return the picture's size."""
-    return Picture(given.size)

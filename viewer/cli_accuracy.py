@@ -10,6 +10,34 @@ from viewer.cli_bench import thresholds
 
 def accuracy(words: list[str]) -> int:
     """Measure how far random views are from the sources."""
+    parser = parser_of_accuracy()
+    given = parser.read(words)
+    if given.seed < 0:
+        parser.error("--seed is below 0")
+    from viewer.accuracy import Asked  # noqa: PLC0415  (opens GL)
+    from viewer.accuracy import accuracy as measure  # noqa: PLC0415
+    from viewer.accuracy_words import summary  # noqa: PLC0415
+
+    asked = Asked(
+        tuple(sorted(set(given.threshold))),
+        given.views,
+        given.seed,
+        given.size,
+        int(given.budget * MIB),
+        given.all,
+    )
+    found = measure(given.store, asked, given.out)
+    if given.json:
+        print_json(found)
+    else:
+        print(summary(found))
+        if given.out:
+            print(f"open {given.out / 'ACCURACY.md'}")
+    return 0
+
+
+def parser_of_accuracy() -> Parser:
+    """Return what reads the words of `accuracy`."""
     parser = Parser(
         "accuracy",
         "Measure the geometric pixel error of random settled views: the shortest distances"
@@ -42,26 +70,4 @@ def accuracy(words: list[str]) -> int:
         help="write ACCURACY.md, its chart, accuracy.json and views.csv there",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    given = parser.read(words)
-    if given.seed < 0:
-        parser.error("--seed is below 0")
-    from viewer.accuracy import Asked  # noqa: PLC0415  (opens GL)
-    from viewer.accuracy import accuracy as measure  # noqa: PLC0415
-    from viewer.accuracy_words import summary  # noqa: PLC0415
-
-    asked = Asked(
-        tuple(sorted(set(given.threshold))),
-        given.views,
-        given.seed,
-        given.size,
-        int(given.budget * MIB),
-        given.all,
-    )
-    found = measure(given.store, asked, given.out)
-    if given.json:
-        print_json(found)
-    else:
-        print(summary(found))
-        if given.out:
-            print(f"open {given.out / 'ACCURACY.md'}")
-    return 0
+    return parser

@@ -11,6 +11,23 @@ from geopage.settings import MIB
 
 def bench(words: list[str]) -> int:
     """Measure speed against accuracy over methods and thresholds."""
+    given = parser_of_bench().read(words)
+    from viewer.bench import Bench  # noqa: PLC0415  (opens GL)
+    from viewer.bench import bench as measure  # noqa: PLC0415
+
+    budget_bytes = int(given.budget * MIB)
+    chosen = given.thresholds, given.quick, given.size, budget_bytes, given.frames
+    found = measure(given.store, Bench(given.path, given.out, *chosen))
+    if given.json:
+        print_json(found)
+    else:
+        print(summary(found["rows"]))
+        print(f"open {given.out / 'index.html'}")
+    return 0
+
+
+def parser_of_bench() -> Parser:
+    """Return what reads the words of `bench`."""
     parser = Parser(
         "bench",
         "Fly a camera path with several methods over a sweep of thresholds; write"
@@ -40,19 +57,7 @@ def bench(words: list[str]) -> int:
     )
     parser.add_argument("--budget", type=positive, default=512.0, metavar="MIB")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    given = parser.read(words)
-    from viewer.bench import Bench  # noqa: PLC0415  (opens GL)
-    from viewer.bench import bench as measure  # noqa: PLC0415
-
-    budget_bytes = int(given.budget * MIB)
-    chosen = given.thresholds, given.quick, given.size, budget_bytes, given.frames
-    found = measure(given.store, Bench(given.path, given.out, *chosen))
-    if given.json:
-        print_json(found)
-    else:
-        print(summary(found["rows"]))
-        print(f"open {given.out / 'index.html'}")
-    return 0
+    return parser
 
 
 def thresholds(text: str) -> tuple[float, ...]:

@@ -11,6 +11,26 @@ KEYS = ("E1", "E2", "E3", "E4", "E5", "E6")
 
 def experiments(words: list[str]) -> int:
     """Run the experiments of the literature again."""
+    given = parser_of_experiments().read(words)
+    from viewer.experiments.report import counted  # noqa: PLC0415  (opens GL)
+    from viewer.experiments.run import run_all  # noqa: PLC0415
+    from viewer.experiments.setting import Setting  # noqa: PLC0415
+
+    parts = run_all(Setting(given.out, given.quick, given.store), given.only)
+    if given.json:
+        rows = {part.key: [as_json(row) for row in part.found.rows] for part in parts}
+        print_json(rows)
+        return 0
+    for part in parts:
+        print(f"{part.key}, {part.title}")
+        for text in (*part.found.says, counted(part.found.rows)):
+            print(f"  {text}")
+    print(f"open {given.out / 'index.html'}")
+    return 0
+
+
+def parser_of_experiments() -> Parser:
+    """Return what reads the words of `experiments`."""
     parser = Parser(
         "experiments",
         "Run the experiments of five papers again, on generated data of the same shape and"
@@ -34,22 +54,7 @@ def experiments(words: list[str]) -> int:
     parser.add_argument("--only", type=some_keys, default=KEYS, metavar="E1,E3,...")
     parser.add_argument("--quick", action="store_true", help="shorter paths: minutes")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    given = parser.read(words)
-    from viewer.experiments.report import counted  # noqa: PLC0415  (opens GL)
-    from viewer.experiments.run import run_all  # noqa: PLC0415
-    from viewer.experiments.setting import Setting  # noqa: PLC0415
-
-    parts = run_all(Setting(given.out, given.quick, given.store), given.only)
-    if given.json:
-        rows = {part.key: [as_json(row) for row in part.found.rows] for part in parts}
-        print_json(rows)
-        return 0
-    for part in parts:
-        print(f"{part.key}, {part.title}")
-        for text in (*part.found.says, counted(part.found.rows)):
-            print(f"  {text}")
-    print(f"open {given.out / 'index.html'}")
-    return 0
+    return parser
 
 
 def as_json(row: object) -> dict[str, object]:

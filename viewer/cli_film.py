@@ -5,8 +5,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from geopage.arguments import Parser, positive, print_json
-from viewer.cli import drawing, print_legend, settings_of, styling
+from geopage.arguments import Parser, positive
+from viewer.cli_options import drawing, print_report, settings_of, styling
 
 MOST_HZ = 240.0
 
@@ -34,11 +34,7 @@ def film(words: list[str]) -> int:
 
     plan = FilmPlan(given.path, given.out, given.fps, given.style)
     report = film_path(given.store, settings_of(given), finer(given.size), plan)
-    if given.json:
-        print_json(report)
-    else:
-        print_legend(report)
-        print(summary(report))
+    print_report(report, given, summary)
     return 0
 
 

@@ -14,6 +14,34 @@ STORE = "demo/world.geopage"
 
 def paging(words: list[str]) -> int:
     """Measure paging; exit 1 where a limit is missed."""
+    given = parser_of_paging().read(words)
+    routes = read_routes(given.routes)
+    from viewer.paging_numbers.run import Asked, measure  # noqa: PLC0415  (opens GL)
+
+    asked = Asked(
+        routes,
+        given.policy,
+        given.times,
+        PagerSettings(given.threshold, budget_bytes=int(given.budget * MIB)),
+        given.size,
+        1 / given.rate,
+        given.out,
+        given.pairs,
+        given.profile,
+        [one for path in given.also for one in read_lines(path)],
+    )
+    found = measure(asked)
+    numbers = found["numbers"]
+    if given.json:
+        print_json(found)
+    else:
+        print("\n".join(in_words(Line(**one)) for one in numbers))
+        print(f"open {given.out / 'PAGING.md'}")
+    return int(any(one["verdict"] == MISSED for one in numbers))
+
+
+def parser_of_paging() -> Parser:
+    """Return what reads the words of `paging`."""
     parser = Parser(
         "paging",
         "Replay camera paths under every policy over lines of several speeds; print each"
@@ -72,27 +100,4 @@ def paging(words: list[str]) -> int:
     parser.add_argument("--threshold", type=positive, default=2.0, metavar="PX")
     parser.add_argument("--budget", type=positive, default=512.0, metavar="MIB")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    given = parser.read(words)
-    routes = read_routes(given.routes)
-    from viewer.paging_numbers.run import Asked, measure  # noqa: PLC0415  (opens GL)
-
-    asked = Asked(
-        routes,
-        given.policy,
-        given.times,
-        PagerSettings(given.threshold, budget_bytes=int(given.budget * MIB)),
-        given.size,
-        1 / given.rate,
-        given.out,
-        given.pairs,
-        given.profile,
-        [one for path in given.also for one in read_lines(path)],
-    )
-    found = measure(asked)
-    numbers = found["numbers"]
-    if given.json:
-        print_json(found)
-    else:
-        print("\n".join(in_words(Line(**one)) for one in numbers))
-        print(f"open {given.out / 'PAGING.md'}")
-    return int(any(one["verdict"] == MISSED for one in numbers))
+    return parser

@@ -6,19 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from geopage.arguments import Parser, numbers, positive, print_json, size
+from geopage.arguments import Parser, positive, print_json
 from geopage.policies.described import described
 from geopage.progress import bar
 from geopage.settings import MIB, REPLAYED, PagerSettings, Throttle
 from tiles.errors import InputError
 from tiles.store import Store
 from tiles.surface import Surface
+from viewer.cli_options import THROTTLE, drawing
 from viewer.paging import ideal_bytes, needed_mib_per_s, page_flight
 from viewer.paging_chart import OURS, paging_chart
 from viewer.poses import Flight
 from viewer.recorded import read_flight
 
-THROTTLE = numbers(2, "MIB_PER_S,LATENCY_MS", ((1e-6, 1e6), (0, 1e6)))
 Row = dict[str, Any]
 COLUMNS = (
     ("policy", "policy", "{}"),
@@ -38,6 +38,21 @@ COLUMNS = (
 
 def replay(words: list[str]) -> int:
     """Page a flight under one or more policies."""
+    given = parser_of_replay().read(words)
+    if given.chart and not given.times:
+        raise InputError("--chart", "needs several line speeds", "add --times 0.25,0.5,1,2")
+    rows = run(given)
+    if given.chart:
+        paging_chart({f"{given.path.stem} over {given.store.stem}": rows}, given.chart)
+    if given.json:
+        print_json({"path": given.path.stem, "runs": rows})
+    else:
+        print("\n".join([*table(rows), *leads(rows)]))
+    return 0
+
+
+def parser_of_replay() -> Parser:
+    """Return what reads the words of `replay`."""
     parser = Parser(
         "replay",
         "Page a camera path without drawing it, by a virtual clock: two runs give the same"
@@ -70,26 +85,12 @@ def replay(words: list[str]) -> int:
         help="throttled to so many times the bytes a second that the flight's views need:"
         " those of the distinct tiles that they draw, over the time that it takes",
     )
-    parser.add_argument("--size", type=size, default=(1280, 720), metavar="WxH")
-    parser.add_argument("--threshold", type=positive, default=2.0, metavar="PX")
-    parser.add_argument("--object-threshold", type=positive, metavar="PX")
-    parser.add_argument("--budget", type=positive, default=512.0, metavar="MIB")
+    drawing(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="what became of each tile")
     parser.add_argument(
         "--chart", type=Path, metavar="OUT.svg", help="good frames over line speed"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    given = parser.read(words)
-    if given.chart and not given.times:
-        raise InputError("--chart", "needs several line speeds", "add --times 0.25,0.5,1,2")
-    rows = run(given)
-    if given.chart:
-        paging_chart({f"{given.path.stem} over {given.store.stem}": rows}, given.chart)
-    if given.json:
-        print_json({"path": given.path.stem, "runs": rows})
-    else:
-        print("\n".join([*table(rows), *leads(rows)]))
-    return 0
+    return parser
 
 
 def policies(text: str) -> tuple[str, ...]:
