@@ -29,7 +29,7 @@ from viewer.bench_table import as_csv
 from viewer.camera_path import CameraPath, read_path
 from viewer.charts import pyplot
 from viewer.key_frames import WIDTH_PX
-from viewer.machine import machine
+from viewer.machine import machine, where_measured
 from viewer.poses import Flight
 from viewer.run import Run, make_folders
 from viewer.session import Picture, Session
@@ -166,10 +166,7 @@ def about_of(what: Bench, course: Course, reference_px: float, where: Json) -> J
     hurry = course.path.duration_s / course.seconds
     speed = "" if hurry == 1 else f", {hurry:g} times as fast as the path says"
     return {
-        "machine": f"{where['cpu']}, {where['cores']} cores",
-        "gl_renderer": where["gl_renderer"],
-        "python": where["python"],
-        "commit": where["commit"] or "unknown",
+        **where_measured(where),
         "store": course.store.name,
         "path": course.path.name,
         "picture": f"{width} x {height} px",

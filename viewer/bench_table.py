@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The columns of results.csv, what each means, and writing the file."""
 
-import csv
-import io
 from collections.abc import Sequence
 from typing import Any, NamedTuple
+
+from viewer.files import csv_text
 
 Json = dict[str, Any]
 
@@ -120,13 +120,8 @@ NAMES = tuple(column.name for column in COLUMNS)
 
 def as_csv(rows: Sequence[Json], about: Json) -> str:
     """Return results.csv: comment lines that say where it was measured, then the table."""
-    text = io.StringIO()
-    for key, value in about.items():
-        text.write(f"# {key.replace('_', ' ')}: {value}\n")
-    table = csv.DictWriter(text, NAMES, lineterminator="\n")
-    table.writeheader()
-    table.writerows({key: cell(value) for key, value in row.items()} for row in rows)
-    return text.getvalue()
+    table = [[cell(row[key]) if key in row else "" for key in NAMES] for row in rows]
+    return csv_text(about, NAMES, table)
 
 
 def cell(value: Any) -> str:

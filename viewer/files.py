@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names for new files."""
+"""New files: their names, and tables that say where they were measured."""
 
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 
@@ -12,3 +15,16 @@ def free_name(folder: Path, stem: str, suffix: str) -> Path:
         if not file.exists():
             break
     return file
+
+
+def csv_text(
+    about: Mapping[str, object], head: Sequence[str], rows: Iterable[Sequence[object]]
+) -> str:
+    """Return a table of figures, after comment lines that say where it was measured."""
+    text = io.StringIO()
+    for key, value in about.items():
+        text.write(f"# {key.replace('_', ' ')}: {value}\n")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(head)
+    table.writerows(rows)
+    return text.getvalue()

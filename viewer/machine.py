@@ -18,6 +18,16 @@ def machine(gl: Gl) -> dict[str, object]:
     return {**host(), **driver, "commit": commit()}
 
 
+def where_measured(where: dict[str, object]) -> dict[str, object]:
+    """Return what a file of figures says of the machine, given as `machine` does."""
+    return {
+        "machine": f"{where['cpu']}, {where['cores']} cores",
+        "gl_renderer": where["gl_renderer"],
+        "python": where["python"],
+        "commit": where["commit"] or "unknown",
+    }
+
+
 def host() -> dict[str, object]:
     """Return processor, cores, Python and operating system."""
     return {

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes what was found: experiments.csv, EXPERIMENTS.md, index.html."""
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +10,7 @@ from typing import Any
 
 from tiles.errors import InputError
 from viewer.experiments.rows import Chart, Found, Row
+from viewer.files import csv_text
 from viewer.page import write_document
 
 Json = dict[str, Any]
@@ -65,18 +64,14 @@ def number(value: float | None, missing: str = "") -> str:
 
 def as_csv(parts: Sequence[Part], about: Json) -> str:
     """Return experiments.csv: comment lines that say where, then the table."""
-    text = io.StringIO()
-    for key, value in about.items():
-        text.write(f"# {key.replace('_', ' ')}: {value}\n")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(HEAD)
+    table = []
     for part in parts:
         for row in part.found.rows:
             values = ["" if v is None else f"{v:.6g}" for v in (row.paper, row.ours)]
             told = row.experiment, row.condition, row.quantity, row.unit
             ending = row.against, "yes" if row.timed else "", row.note
-            table.writerow([*told, values[0], row.source, values[1], *ending])
-    return text.getvalue()
+            table.append([*told, values[0], row.source, values[1], *ending])
+    return csv_text(about, HEAD, table)
 
 
 def counted(rows: Sequence[Row]) -> str:

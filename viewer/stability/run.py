@@ -7,7 +7,7 @@ from typing import Any
 
 from geopage.progress import bar
 from tiles.errors import InputError
-from viewer.machine import machine
+from viewer.machine import machine, where_measured
 from viewer.page import write_document
 from viewer.stability import (
     depth,
@@ -87,10 +87,7 @@ def about_of(place: Place) -> Json:
     where = machine(place.session.renderer.gl)
     size = f"{SCREEN_PX[0]} x {SCREEN_PX[1]} px, 60 degrees high"
     return {
-        "machine": f"{where['cpu']}, {where['cores']} cores",
-        "gl_renderer": where["gl_renderer"],
-        "python": where["python"],
-        "commit": where["commit"] or "unknown",
+        **where_measured(where),
         "store": place.store.name,
         "pixels": f"of a picture of {size}: {FOCAL_PX:.0f} px a radian",
         "cases": "fewer than usual (--quick)" if place.quick else "all",

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stability table as a file of figures, as a page and as a document."""
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 from html import escape
 from typing import Any, NamedTuple
 
+from viewer.files import csv_text
 from viewer.stability.row import Finding, Row
 
 Json = dict[str, Any]
@@ -79,14 +78,8 @@ FIGURES = ("practical", "breaks_at", "looked_to", "ours", "others")
 
 def as_csv(lines: Sequence[Line], about: Json) -> str:
     """Return stability.csv: comment lines that say where it was measured, the table."""
-    text = io.StringIO()
-    for key, value in about.items():
-        text.write(f"# {key.replace('_', ' ')}: {value}\n")
-    table = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    table.writeheader()
-    for line in lines:
-        table.writerow({key: plain(value) for key, value in as_dict(line).items()})
-    return text.getvalue()
+    dicts = map(as_dict, lines)
+    return csv_text(about, COLUMNS, ([plain(one[key]) for key in COLUMNS] for one in dicts))
 
 
 def plain(value: Any) -> str:
