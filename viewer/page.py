@@ -120,60 +120,58 @@ def figures(report: Json) -> str:
 
 
 def _lines(report: Json) -> list[tuple[str, str, str]]:
-    frames, floor, memory = report["frames"], report["floor"], report["memory"]
-    io = report["io"]
-    mib = 2**20
-    lines = [
-        ("frames", f"{frames['count']}", f"{report['settings']['mode']} run"),
-        (
-            "frame time, mean ± sd",
-            f"{frames['mean_ms']:.1f} ± {frames['sd_ms']:.1f} ms",
-            f"floor (same frames, everything resident): {floor['frame_mean_ms']:.1f} ms",
-        ),
-        (
-            "frame time, median",
-            f"{frames['p50_ms']:.1f} ms",
-            f"floor {floor['frame_p50_ms']:.1f} ms,"
-            f" ratio {frames['p50_ms'] / floor['frame_p50_ms']:.2f}",
-        ),
-        (
-            "frame time, 99th percentile",
-            f"{frames['p99_ms']:.1f} ms",
-            f"floor {floor['frame_p99_ms']:.1f} ms,"
-            f" ratio {frames['p99_ms'] / floor['frame_p99_ms']:.2f}",
-        ),
-        ("frames with a hole", f"{frames['holes']}", "pixels or objects missing"),
-        (
-            "frames with a stand-in",
-            f"{frames['with_stand_ins']}",
-            "a coarser tile drawn while the wanted one is read",
-        ),
-    ]
-    if "waits" in frames:
-        worst = frames["wait_max_ms"]
-        why = f"more than 0.5 ms in locks, reads or for the GIL; worst {worst:.2f} ms"
-        lines.insert(4, ("frames that waited", f"{frames['waits']}", why))
-    error = report["screen_error_px"]
+    error, drawn = report["screen_error_px"], report["drawn"]
     why = "as the selection knows it, weighted by area; not measured on the picture"
-    lines += [
+    return [
+        *_of_frames(report["settings"]["mode"], report["frames"], report["floor"]),
         ("screen error, median", f"{error['p50']:.2f} px", why),
         ("screen error, 95th percentile", f"{error['p95']:.2f} px", ""),
         *_measured(report),
+        *_of_bytes(report["memory"], report["io"], report["floor"]),
+        ("triangles a frame", f"{drawn['triangles_mean']:,.0f}", "mean"),
+        ("where a frame's time goes", _stages(report), "mean (99th percentile)"),
+    ]
+
+
+def _of_frames(mode: str, frames: Json, floor: Json) -> list[tuple[str, str, str]]:
+    """Say how long frames took, and what went wrong in how many."""
+    mean, sd = f"{frames['mean_ms']:.1f}", f"{frames['sd_ms']:.1f}"
+    why = f"floor (same frames, everything resident): {floor['frame_mean_ms']:.1f} ms"
+    lines = [
+        ("frames", f"{frames['count']}", f"{mode} run"),
+        ("frame time, mean ± sd", f"{mean} ± {sd} ms", why),
+    ]
+    for what, key in (("median", "p50_ms"), ("99th percentile", "p99_ms")):
+        took, least = frames[key], floor[f"frame_{key}"]
+        why = f"floor {least:.1f} ms, ratio {took / least:.2f}"
+        lines.append((f"frame time, {what}", f"{took:.1f} ms", why))
+    if "waits" in frames:
+        worst = frames["wait_max_ms"]
+        why = f"more than 0.5 ms in locks, reads or for the GIL; worst {worst:.2f} ms"
+        lines.append(("frames that waited", f"{frames['waits']}", why))
+    lines.append(("frames with a hole", f"{frames['holes']}", "pixels or objects missing"))
+    why = "a coarser tile drawn while the wanted one is read"
+    lines.append(("frames with a stand-in", f"{frames['with_stand_ins']}", why))
+    return lines
+
+
+def _of_bytes(memory: Json, io: Json, floor: Json) -> list[tuple[str, str, str]]:
+    """Say how much memory was in use, and how much was read."""
+    mib = 2**20
+    grew = (memory["rss_peak_bytes"] - memory["rss_before_bytes"]) / mib
+    return [
         (
             "memory in use, peak",
             f"{memory['peak_bytes'] / mib:.0f} MiB",
             f"budget {memory['budget_bytes'] / mib:.0f} MiB; the process grew by"
-            f" {(memory['rss_peak_bytes'] - memory['rss_before_bytes']) / mib:.0f} MiB",
+            f" {grew:.0f} MiB",
         ),
         (
             "read",
             f"{io['bytes_read'] / mib:.1f} MiB, {io['tiles_loaded']} tiles",
             f"drawn tiles, each once: {floor['bytes'] / mib:.1f} MiB",
         ),
-        ("triangles a frame", f"{report['drawn']['triangles_mean']:,.0f}", "mean"),
-        ("where a frame's time goes", _stages(report), "mean (99th percentile)"),
     ]
-    return lines
 
 
 def _measured(report: Json) -> list[tuple[str, str, str]]:

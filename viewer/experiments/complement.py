@@ -103,38 +103,14 @@ def _reads(
     searches: Sequence[tuple[Tally, Tally]],
     paged: dict[Own, list[tuple[Flown, Culled]]],
 ) -> None:
+    """Say what each session reads, and draw it."""
+    flown = [[paged[own][i][0] for own in OWN] for i in range(len(scene.walks))]
     shares = []
-    for i, (walk, (box, best)) in enumerate(zip(scene.walks, searches, strict=True)):
-        where = f"session {i + 1}, {walk.name}"
-        theirs = BOX_READS[i], BEST_READS[i]
-        ours = per_query(box), per_query(best)
-        for name, paper, one in zip(("BOX", "Optimal"), theirs, ours, strict=True):
-            note = "index nodes and boxes read, each one I/O" if i == 0 else ""
-            quantity = f"I/Os per query, {name}"
-            found.rows.append(Row(KEY, where, quantity, "reads", paper, TABLE_1, one, note))
-        share = [100 * theirs[1] / theirs[0], 100 * ours[1] / max(ours[0], 1e-9)]
-        shares.append(share)
-        row = Row(KEY, where, "Optimal / BOX, per query", "%", share[0], TABLE_1, share[1])
-        found.rows.append(replace(row, good=SAME))
-        total = 100 * best.reads / max(box.reads, 1)
-        note = f"{best.queries} queries against {box.queries}"
-        row = Row(KEY, where, "Optimal / BOX, whole session", "%", None, "", total, note)
-        found.rows.append(row)
-        for own in OWN:
-            flown, _ = paged[own][i]
-            part = 100 * flown.bytes_read / STORED_BYTES / max(box.box_reads, 1)
-            raised = max(flown.raised)
-            note = f"{flown.tiles_read} tiles"
-            note += f"; thresholds raised up to {raised:.2f} times" if raised > 1 else ""
-            quantity = f"geopage ({own}): boxes read / BOX, whole session"
-            found.rows.append(Row(KEY, where, quantity, "%", None, "", part, note))
-            share.append(part)
-        floor = 100 * _ever_seen(scene.city, walk) / max(box.box_reads, 1)
-        note = "what a clairvoyant would read that forgets nothing"
-        quantity = "boxes that ever come into view / BOX"
-        found.rows.append(Row(KEY, where, quantity, "%", None, "", floor, note))
-    names = [walk.name for walk in scene.walks]
+    for i, (box, best) in enumerate(searches):
+        shares.append(_per_query(found, i, scene.walks[i].name, box, best))
+        shares[i] += _whole_session(found, scene, i, searches[i], flown[i])
     labels = ("paper, Optimal", "ours, Optimal", *(f"geopage, {own}" for own in OWN))
+    names = [walk.name for walk in scene.walks]
     found.charts.append(
         Chart(
             "e3_reads",
@@ -154,18 +130,73 @@ def _reads(
         " a query; the paper has 9 to 22 %. Per query flatters it where it also asks"
         " more often: see the rows of whole sessions."
     )
+    _say_where_worse(found, names, searches, [row[1] for row in flown])
+
+
+def _where(i: int, name: str) -> str:
+    return f"session {i + 1}, {name}"
+
+
+def _per_query(found: Found, i: int, name: str, box: Tally, best: Tally) -> list[float]:
+    """Add what one query reads; return the paper's share of box searches and ours, %."""
+    where, theirs = _where(i, name), (BOX_READS[i], BEST_READS[i])
+    ours = per_query(box), per_query(best)
+    for way, paper, one in zip(("BOX", "Optimal"), theirs, ours, strict=True):
+        note = "index nodes and boxes read, each one I/O" if i == 0 else ""
+        quantity = f"I/Os per query, {way}"
+        found.rows.append(Row(KEY, where, quantity, "reads", paper, TABLE_1, one, note))
+    share = [100 * theirs[1] / theirs[0], 100 * ours[1] / max(ours[0], 1e-9)]
+    row = Row(KEY, where, "Optimal / BOX, per query", "%", share[0], TABLE_1, share[1])
+    found.rows.append(replace(row, good=SAME))
+    return share
+
+
+def _whole_session(
+    found: Found,
+    scene: Scene,
+    i: int,
+    searches: tuple[Tally, Tally],
+    flown: Sequence[Flown],
+) -> list[float]:
+    """Add what a session reads; return each own way's share of box searches, %."""
+    walk, (box, best), shares = scene.walks[i], searches, []
+    where, boxes = _where(i, walk.name), max(box.box_reads, 1)
+    total = 100 * best.reads / max(box.reads, 1)
+    note = f"{best.queries} queries against {box.queries}"
+    row = Row(KEY, where, "Optimal / BOX, whole session", "%", None, "", total, note)
+    found.rows.append(row)
+    for own, one in zip(OWN, flown, strict=True):
+        shares.append(100 * one.bytes_read / STORED_BYTES / boxes)
+        raised = max(one.raised)
+        note = f"{one.tiles_read} tiles"
+        note += f"; thresholds raised up to {raised:.2f} times" if raised > 1 else ""
+        quantity = f"geopage ({own}): boxes read / BOX, whole session"
+        found.rows.append(Row(KEY, where, quantity, "%", None, "", shares[-1], note))
+    floor = 100 * _ever_seen(scene.city, walk) / boxes
+    note = "what a clairvoyant would read that forgets nothing"
+    quantity = "boxes that ever come into view / BOX"
+    found.rows.append(Row(KEY, where, quantity, "%", None, "", floor, note))
+    return shares
+
+
+def _say_where_worse(
+    found: Found,
+    names: Sequence[str],
+    searches: Sequence[tuple[Tally, Tally]],
+    flown: Sequence[Flown],
+) -> None:
+    """Name the sessions in which our pager reads more than the paper's best way."""
+    all_of = zip(names, searches, flown, strict=True)
     worse = [
-        walk.name
-        for walk, (box, best), one in zip(
-            scene.walks, searches, (flown for flown, _ in paged[OWN[1]]), strict=True
-        )
+        name
+        for name, (_, best), one in all_of
         if one.bytes_read > best.box_reads * STORED_BYTES
     ]
     if worse:
-        index_mb = paged[OWN[1]][0][0].index_bytes / 1e6
+        index_mb = flown[0].index_bytes / 1e6
         found.says.append(
             f"geopage ({OWN[1]}) reads more boxes than REVIEW's best way in"
-            f" {len(worse)} of {len(scene.walks)} sessions ({', '.join(worse)}): its index"
+            f" {len(worse)} of {len(names)} sessions ({', '.join(worse)}): its index"
             f" takes {index_mb:.1f} MB of the 20, it asks for whole tiles, and earlier than"
             " they come into view, and it keeps little of what is out of view."
         )

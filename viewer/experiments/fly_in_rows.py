@@ -71,58 +71,57 @@ def mean_triangles(drawn: Sequence[Drawn]) -> float:
 def figures(towns: Sequence[Town]) -> Found:
     """Return rows, charts and sentences of all towns."""
     found = Found()
-    first = towns[0]
-    note = (
-        f"s f / threshold = {first.expected_m / 1e3:.1f} km; ours counts from the near side"
-        " of the tile that the tower is in"
-    )
-    quantity = "first building drawn at 1 px, from a height of"
-    row = Row(
-        KEY,
-        "tower of 312 m",
-        quantity,
-        "km",
-        160.0,
-        SOURCE,
-        first.first_m / 1e3,
-        note,
-        SAME,
-    )
-    found.rows.append(row)
+    found.rows.append(_tower(towns[0]))
     for town in towns:
-        _fps(found, town, town is first)
-        _turning(found, town, town is first)
-        title = f"Fly-in over {town.buildings:,} buildings"
-        found.charts.append(
-            Chart(
-                f"e5_fps_{town.buildings}",
-                title,
-                "height above the ground, m",
-                "frames a second (shortest of 3 draws)",
-                [
-                    Series(m, town.heights_m, [1e3 / d.frame_ms for d in town.by_height[m]])
-                    for m in METHODS
-                ],
-                log_x=True,
-            )
-        )
-    many = towns[-1]
-    found.charts.append(
-        Chart(
-            "e5_triangles",
-            f"Triangles of the fly-in over {many.buildings:,} buildings",
-            "height above the ground, m",
-            "triangles a frame",
-            [
-                Series(m, many.heights_m, [d.triangles for d in many.by_height[m]])
-                for m in METHODS
-            ],
-            log_x=True,
-            log_y=True,
-        )
-    )
+        _fps(found, town, town is towns[0])
+        _turning(found, town, town is towns[0])
+        found.charts.append(_fps_chart(town))
+    found.charts.append(_triangles_chart(towns[-1]))
     _say(found, towns)
     return found
+
+
+def _tower(town: Town) -> Row:
+    """Return from which height the tower is drawn."""
+    note = (
+        f"s f / threshold = {town.expected_m / 1e3:.1f} km; ours counts from the near side"
+        " of the tile that the tower is in"
+    )
+    quantity, first_km = (
+        "first building drawn at 1 px, from a height of",
+        town.first_m / 1e3,
+    )
+    where = "tower of 312 m"
+    return Row(KEY, where, quantity, "km", 160.0, SOURCE, first_km, note, SAME)
+
+
+def _fps_chart(town: Town) -> Chart:
+    return Chart(
+        f"e5_fps_{town.buildings}",
+        f"Fly-in over {town.buildings:,} buildings",
+        "height above the ground, m",
+        "frames a second (shortest of 3 draws)",
+        [
+            Series(m, town.heights_m, [1e3 / d.frame_ms for d in town.by_height[m]])
+            for m in METHODS
+        ],
+        log_x=True,
+    )
+
+
+def _triangles_chart(town: Town) -> Chart:
+    return Chart(
+        "e5_triangles",
+        f"Triangles of the fly-in over {town.buildings:,} buildings",
+        "height above the ground, m",
+        "triangles a frame",
+        [
+            Series(m, town.heights_m, [d.triangles for d in town.by_height[m]])
+            for m in METHODS
+        ],
+        log_x=True,
+        log_y=True,
+    )
 
 
 def _fps(found: Found, town: Town, is_first: bool) -> None:  # noqa: FBT001

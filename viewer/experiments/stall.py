@@ -103,6 +103,14 @@ def measure(
     y = f"terrain, 95th percentile, px ({SHOWN_PX:g}: or less)"
     title = f"Error during the fly-in: {[*lines][-1]}"
     found.charts.append(Chart("e6_error", title, "time, s", y, shown, log_y=True))
+    _say(found, most, stalls, good)
+    return found
+
+
+def _say(
+    found: Found, most: float, stalls: dict[str, list[float]], good: dict[str, list[float]]
+) -> None:
+    """Say how the policies' waits and good frames stand to each other."""
     if most < LITTLE:
         found.says.append(
             f"No line was used to more than {100 * most:.0f} %: most of the time goes by"
@@ -120,7 +128,6 @@ def measure(
         f"{np.mean(good[policy]):.0f} % ({words})" for policy, words in POLICIES.items()
     )
     found.says.append(f"Frames within {THRESHOLD_PX:g} px, mean over the lines: {shares}.")
-    return found
 
 
 def fly_down(
