@@ -113,6 +113,7 @@ def advice(error: sqlite3.DatabaseError) -> str:
         "locked": "another command writes to it, try again when that is done",
         "full": "make room on the disk and run the command again",
         "readonly": "check the permissions of the file and of its folder",
+        "disk I/O error": "make room on the disk and run the command again",
         "unable to open": "check the permissions of the file and of its folder",
     }
     return next((say for what, say in known.items() if what in text), "run geopage check")

@@ -24,7 +24,7 @@ from ingest.opening import opened
 from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
-from tiles.errors import InputError, is_interrupt
+from tiles.errors import InputError, UnfinishedError, is_interrupt
 from tiles.kernels import is_compiled
 from tiles.lanes import Lane
 from tiles.store import Store
@@ -99,8 +99,8 @@ def ingest(words: list[str]) -> int:
         check_inputs(given)
         given.earth = not given.bare and (fresh or never_finished(given.store))
         report = given.run(given, bars)
-    except InputError:
-        if fresh:
+    except InputError as error:
+        if fresh and not isinstance(error, UnfinishedError):
             discard(given.store)
         raise
     except (KeyboardInterrupt, SystemError) as error:

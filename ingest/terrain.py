@@ -19,7 +19,7 @@ from ingest.raster_copy import REASONS, copy_in
 from ingest.raster_open import bounded, open_raster, unreadable
 from ingest.raster_plan import RasterOptions, Source, check_kinds, plan, plan_all, said_of
 from ingest.terrain_build import Recipe, rebuild
-from tiles.errors import InputError
+from tiles.errors import InputError, UnfinishedError
 from tiles.writer import Writer
 
 ADVICES = {
@@ -104,17 +104,17 @@ def posts_of(copied: list[Source]) -> dict[str, Any]:
 
 @contextmanager
 def editing(store: str | Path) -> Iterator[Writer]:
-    """Open a store for writing; a new one that comes to nothing is taken away again.
+    """Open a store for writing; a new one is taken away again when its input is refused.
 
-    One whose making is interrupted stays: it holds what was done so far.
+    One whose making breaks off stays: it holds what was done so far.
     """
     fresh = not Path(store).exists()
     writer = Writer(store)
     try:
         yield writer
-    except Exception:
+    except InputError as error:
         writer.close()
-        if fresh:
+        if fresh and not isinstance(error, UnfinishedError):
             for tail in ("", "-wal", "-shm"):
                 Path(f"{store}{tail}").unlink(missing_ok=True)
         raise

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which cells the sources ask for: where a cell splits, and how close a leaf must be."""
 
+from functools import lru_cache, partial
+
 from ingest.boxes import edge_m, edges_rad, overlap
+from ingest.feather import followed_m, source_bound_m
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, step_m
-from ingest.truth import post_count
+from ingest.truth import OWN_LATTICE, missed_m, post_count
 from tiles import cells
 from tiles.terrain import TEXTURE_SIDE
 
@@ -20,6 +23,8 @@ class Plan:
     def __init__(self, mosaic: Mosaic, pictures: list[Layer]) -> None:
         self._mosaic, self._pictures = mosaic, pictures
         self._held: dict[int, list[Layer]] = {}
+        self._followed_m = lru_cache(65536)(partial(followed_m, mosaic))
+        self._is_bent = lru_cache(65536)(self._bends)
 
     def cut(self, root: int, most: int) -> list[int]:
         """Return subtrees of about `most` leaves, by area, that cover a zone."""
@@ -67,7 +72,14 @@ class Plan:
         # Near a pole, posts are much denser along parallels.
         if any(post_count(layer, cell) > MOST_POSTS for layer in held):
             return True
-        return self.shown_finer(cell)
+        return self.shown_finer(cell) or self._is_bent(cell)
+
+    def _bends(self, cell: int) -> bool:
+        """Say whether a surface bends around a finer source more than a leaf would show."""
+        bound_m, spacing_m = self._followed_m(cell)
+        return (
+            spacing_m < step_m(cell, OWN_LATTICE) and missed_m(self._mosaic, cell) > bound_m
+        )
 
     def shown_finer(self, cell: int) -> bool:
         """Say whether a picture shows more than the texels of a cell."""
@@ -83,13 +95,10 @@ class Plan:
         return self._held[cell]
 
     def leaf_bound_m(self, cell: int) -> float:
-        """Return a hundredth of the source's post spacing, or half its own step.
+        """Return the bound of the finest source in a leaf, or of one that bends it.
 
-        A small leaf beside a finer source follows the bend of the surface as closely
-        as an inner cell of its size would.
+        But at most that of an inner cell of its size.
         """
+        most_m = min(inner_bound_m(cell), self._followed_m(cell)[0])
         held = self.held(cell)
-        if not held:
-            return inner_bound_m(cell)
-        source_m = max(held[-1].spacing_m / 100, held[-1].vertical_step_m / 2)
-        return min(inner_bound_m(cell), source_m)
+        return min(most_m, source_bound_m(held[-1])) if held else most_m

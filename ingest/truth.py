@@ -7,11 +7,13 @@ neighbour of a finer inset, or a cell at a pole) takes a lattice of its own.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, grown, overlap
+from ingest.feather import followed_m
 from ingest.filled import filled, missed_of
 from ingest.lattice_gap import missed_between
 from ingest.layer import Layer
@@ -187,6 +189,13 @@ def _misfit_posts(layer: Layer, fit: Floats, first: tuple[int, int], cell: int) 
     return float(np.abs(found - np.stack([col - first[0], row - first[1]])).max())
 
 
+def missed_m(mosaic: Mosaic, cell: int) -> float:
+    """Return how far the surface is from a cell's own lattice of OWN_LATTICE squares."""
+    lon, lat = _grid_places(cell, OWN_LATTICE)
+    heights = mosaic.heights(lon.ravel(), lat.ravel(), 0.0).reshape(lon.shape)
+    return missed_between(partial(mosaic.heights, step_m=0.0), lon, lat, heights)
+
+
 def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
     """Sample a cell on a lattice that misses little; between its posts to know how much."""
 
@@ -194,6 +203,7 @@ def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
         return mosaic.heights(lon, lat, 0.0)
 
     side, most_m = SMOOTH_LATTICE, edge_m(cell) * MOST_MISSED
+    most_m = min(most_m, followed_m(mosaic, cell)[0] / 2)
     lon, lat = _grid_places(cell, side)
     heights = surface(lon.ravel(), lat.ravel()).reshape(lon.shape)
     while True:

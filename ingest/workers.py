@@ -14,7 +14,7 @@ from functools import cache
 from itertools import islice
 from typing import Any, Self, TypeVar
 
-from tiles.errors import InputError, interrupts_held
+from tiles.errors import UnfinishedError, interrupts_held
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -51,8 +51,8 @@ class Workers:
 
         Raises
         ------
-        InputError
-            Also when a process dies.
+        UnfinishedError
+            When a process dies.
         """
         left = iter(jobs)
         if self.count <= 1:
@@ -68,9 +68,8 @@ class Workers:
                 pending.extend(self._submitted(work, islice(left, 1)))
                 yield done
         except BrokenProcessPool as error:
-            raise InputError(
-                self._subject, "a worker process died", "run again with more memory"
-            ) from error
+            advice = "make more memory free and run the same command again to go on"
+            raise UnfinishedError(self._subject, "a worker process died", advice) from error
 
     def _submitted(self, work: Callable[..., R], jobs: Iterable[J]) -> list[Future[R]]:
         """Start the workers, deaf to Ctrl-C: the parent hears it and ends them."""

@@ -26,6 +26,10 @@ class InputError(Exception):
         return "{}: {}; {}".format(*self.args)
 
 
+class UnfinishedError(InputError):
+    """Something that broke off for want of means; what was done of it is kept."""
+
+
 class TileFault(Exception):  # noqa: N818 - the word of the documents; an error is the user's
     """A tile whose bytes are not what was written: never drawn, always reported."""
 

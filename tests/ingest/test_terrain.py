@@ -371,6 +371,28 @@ def test_an_interrupted_ingest_stops_soon_with_one_line(
     assert state(world) == before
 
 
+@linux
+@pytest.mark.slow
+def test_a_new_store_whose_worker_was_killed_keeps_what_was_done(tmp_path: Path) -> None:
+    world = tmp_path / "world.geopage"
+    child = start(tmp_path, "run", world, wide(tmp_path / "wide.tif"))
+    assert child.stdout is not None
+    while child.stdout.readline().strip() != "meshing terrain":
+        assert child.poll() is None
+    workers = [one for one in workers_of(child.pid) if "spawn_main" in command_of(one)]
+    os.kill(workers[0], signal.SIGKILL)
+    _, errors = child.communicate(timeout=60)
+    assert child.returncode == 2
+    assert "a worker process died; make more memory free" in errors
+    with Store(world) as store:
+        count = store.connection.execute("SELECT count(*) FROM unfinished").fetchone()[0]
+    assert count > 0
+
+
+def command_of(process: int) -> str:
+    return Path(f"/proc/{process}/cmdline").read_text()
+
+
 def test_no_worker_outlives_an_ingest(tmp_path: Path) -> None:
     world = tmp_path / "world.geopage"
     file = coarse(tmp_path / "coarse.tif")
