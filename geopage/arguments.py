@@ -5,14 +5,16 @@ import argparse
 import json
 import sys
 from collections.abc import Callable
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
+
+from tiles import errors
 
 MOST_INDENTED = 1_000_000
 
 
-class Parser(argparse.ArgumentParser):
+class Parser(errors.Parser):
     """A parser whose errors are one line, and which reads `--at -33.9,18.4,100`."""
 
     def __init__(self, prog: str, description: str, epilog: str = "") -> None:
@@ -22,10 +24,6 @@ class Parser(argparse.ArgumentParser):
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong in one line and exit with 2."""
-        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
     def read(self, words: list[str]) -> argparse.Namespace:
         """Parse words; a value that begins with a minus sign is joined to its option."""

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from tqdm import tqdm
 
@@ -24,7 +24,7 @@ from ingest.opening import opened
 from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
-from tiles.errors import InputError, UnfinishedError, is_interrupt
+from tiles.errors import InputError, Parser, UnfinishedError, is_interrupt
 from tiles.kernels import is_compiled
 from tiles.lanes import Lane
 from tiles.store import Store
@@ -44,14 +44,6 @@ MORE = {
     " files of the command: give files that differ in commands of their own.",
     "imagery": "The finest picture wins; where none is, ground is tinted by its height.",
 }
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong in one line and exit with 2."""
-        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 class Bars:

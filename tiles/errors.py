@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What goes wrong, in one line each."""
 
+import argparse
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 
 class InputError(Exception):
@@ -39,6 +40,14 @@ class TileFault(Exception):  # noqa: N818 - the word of the documents; an error 
 
 class ReadFault(TileFault):
     """A tile that could not be read this time: what is stored may be as it was written."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and exit with 2."""
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def is_interrupt(error: BaseException | None) -> bool:
