@@ -25,7 +25,7 @@ HELP = {
     "film": "make a film of a camera path, every frame of it complete",
     "replay": "page a flight without drawing it, by any policy, the same every time",
     "paging": "replay flights under every policy: each number of paging beside its limit",
-    "accuracy": "measure the pixel error of random views against the sources",
+    "accuracy": "measure how far pictures of random views are from the sources, in pixels",
     "bench": "speed against accuracy of several methods over a sweep of thresholds",
     "experiments": "the experiments of five papers again, their figures beside ours",
     "stability": "how far from failing we are, for every known way to fail",

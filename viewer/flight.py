@@ -90,15 +90,7 @@ def fly_paced(
     """
     recording = Recording(rss_before_bytes=resident_bytes())
     pager, renderer, feeder = session.pager, session.renderer, session.feeder
-    pager.view(flight.view(0.0))
-    pager.start()
-    start_s = time.perf_counter()
-    while not (pager.draw_list().number and pager.settled):
-        feeder.feed(pager.draw_list().number)
-        time.sleep(0.002)
-    for _ in range(WARM_FRAMES):
-        renderer.draw(pager.draw_list(), flight.view(0.0))
-    recording.settle_s = time.perf_counter() - start_s
+    recording.settle_s = _load_first(session, flight.view(0.0))
     gil.be_prompt()
     pace_s = governor.budget.budget_ms / 1000 if governor else FRAME_S
     with quiet_collector(), gil.interval(gil.KEEP_S), closing(Preemption()) as preemption:
@@ -127,6 +119,20 @@ def fly_paced(
             with gil.interval(gil.SHARE_S):
                 time.sleep(max(0.0, pace_s - clock.frame_ms() / 1e3))
     return recording
+
+
+def _load_first(session: Session, view: ViewState) -> float:
+    """Start the pager, load a view and draw it some times; return how long that took."""
+    pager, renderer, feeder = session.pager, session.renderer, session.feeder
+    pager.view(view)
+    pager.start()
+    start_s = time.perf_counter()
+    while not (pager.draw_list().number and pager.settled):
+        feeder.feed(pager.draw_list().number)
+        time.sleep(0.002)
+    for _ in range(WARM_FRAMES):
+        renderer.draw(pager.draw_list(), view)
+    return time.perf_counter() - start_s
 
 
 def fly_settled(

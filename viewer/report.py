@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.trace import summary
+from geopage.trace import TileTrace, summary
 from viewer.flight import Recording
 from viewer.machine import machine
 from viewer.replay import Replay, distinct_bytes
@@ -36,19 +36,11 @@ def flight_report(
     run : name and mode of the run, as `settings` begins
     """
     frames = recording.table()
-    memory = session.pager.memory()
-    counters = session.pager.counters
     size, count = distinct_bytes(session, recording.lists)
     settings = {
         **run,
         **_plain(asdict(session.settings)),
         "size_px": session.picture.size_px,
-    }
-    io = {"bytes_read": counters["bytes_read"], **_tiles(counters)}
-    traced = summary(recording.trace.table()) if recording.trace else {}
-    late = {key: value for key, value in traced.items() if key.startswith("late_")}
-    found = {
-        key: value for key, value in traced.items() if key.endswith(("predicted", "share"))
     }
     return {
         "settings": settings,
@@ -66,19 +58,31 @@ def flight_report(
             "share_frames_within_2px": float((played.screen_error_px <= LIMIT_PX).mean()),
             "share_pixels_within_threshold_or_leaf": float(played.kept.mean()),
         },
-        "io": io | late,
-        **({"prediction": found} if found else {}),
-        "memory": {
-            "budget_bytes": memory["budget_bytes"],
-            "peak_bytes": memory["peak_bytes"],
-            "index_bytes": memory["index_bytes"],
-            "gpu_bytes": memory["uploaded_bytes"],
-            "rss_before_bytes": recording.rss_before_bytes,
-            "rss_peak_bytes": int(frames["rss_bytes"].max()),
-        },
+        **_paged(session.pager.counters, recording.trace),
+        "memory": _memory(session.pager.memory(), recording.rss_before_bytes, frames),
         "drawn": drawn_figures(frames),
         **stage_figures(frames),
         "faults": list(session.pager.faults),
+    }
+
+
+def _paged(counters: dict[str, int], trace: TileTrace | None) -> Json:
+    """Return what was read, how late it came, and how well it was foreseen."""
+    traced = summary(trace.table()) if trace else {}
+    late = {key: value for key, value in traced.items() if key.startswith("late_")}
+    foreseen = {
+        key: value for key, value in traced.items() if key.endswith(("predicted", "share"))
+    }
+    io = {"bytes_read": counters["bytes_read"], **_tiles(counters), **late}
+    return {"io": io, **({"prediction": foreseen} if foreseen else {})}
+
+
+def _memory(now: dict[str, int], before_bytes: int, frames: NDArray[np.void]) -> Json:
+    return {
+        **{key: now[key] for key in ("budget_bytes", "peak_bytes", "index_bytes")},
+        "gpu_bytes": now["uploaded_bytes"],
+        "rss_before_bytes": before_bytes,
+        "rss_peak_bytes": int(frames["rss_bytes"].max()),
     }
 
 
