@@ -36,10 +36,9 @@ def test_beside_a_fine_source_the_surface_has_no_cliff_at_a_large_cells_edge(
     with Store(world) as store:
         surface = Surface(store)
         west, east = (surface.heights(lon, lat)[0] for lon in sides)
-        stated_m = sum(surface.error_m[surface.rows(lon, lat)] for lon in sides)
     assert west.min() > 100
-    assert (np.abs(west - east) <= stated_m).all()
-    assert np.max(stated_m) < 20.0
+    # Without it the large cell is off by more than 100 m here.
+    assert np.abs(west - east).max() < 15
 
 
 def test_the_further_from_a_source_the_less_closely_is_its_bend_followed(
