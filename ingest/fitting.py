@@ -49,7 +49,7 @@ def fitted(
     truths : of all leaves in the cell
     leaf : every post of the truths is among the places; errors are measured along the
         vertical, so that a height read from the mesh is off by no more
-    begun : a coarser mesh of the same, to go on with
+    begun : a coarser mesh of the same, to go on with, or one of all places
 
     Returns
     -------
@@ -57,7 +57,7 @@ def fitted(
     error_m : its largest distance from the truths
     """
     fitting = begun or Fitting(cell, places, truths, leaf=leaf)
-    if leaf and fitting.roughness(bound_m) > NEARLY_ALL:
+    if leaf and not begun and fitting.roughness(bound_m) > NEARLY_ALL:
         fitting.take_all()
     best = fitting.within(bound_m, ROUNDS)
     if leaf and best[1] > fitting.goal_m(bound_m) + fitting.slack_m and not at_pole(cell):

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ingest.fitting import NEARLY_ALL, Fitting, fitted
 from ingest.fitting import ROUNDS as MOST_ROUNDS
-from ingest.fitting import Fitting, fitted
 from ingest.terrain_mesh import Places, Surface, meshed
 from ingest.terrain_tile import inner_bound_m
 from ingest.truth import Truth
-from tiles.mesh import STEPS, UV_ONE, Mesh
+from tiles.mesh import STEPS, Mesh
 from tiles.terrain import RUNG
 
 LEAST = 2.0
@@ -31,9 +31,10 @@ SAVES = 0.7
 """A rung has at most this share of the triangles of the next finer one."""
 ROUGH = 0.3
 """Share of its posts that a rough leaf takes"""
-ROUGH_GOALS = (0.42,)
-"""Goals of a rough leaf, shares of its parent's bound; 0.65 and 0.35 draw a sixth less
-near by, for a twelfth more bytes of a leaf and 3 % more time."""
+GOALS, ROUGH_GOALS, ROUGHEST_GOALS = (1.0, 0.5), (0.9, 0.4), (0.9, 0.45, 0.25)
+"""Goals of a leaf, of a rough one, and of one that takes nearly all its posts: shares of
+its parent's bound. The finest of three takes as long as the others together, so only those
+have it whose whole meshes are largest."""
 INNER_GOAL = math.sqrt(2)
 """Goal of an inner cell, in its own bounds: half way to its parent's"""
 INNER_SAVES = 0.9
@@ -53,8 +54,8 @@ def laddered(
 ) -> tuple[Surface, float, list[Rung]]:
     """Mesh a leaf as `fitted` does, and its rungs on the way.
 
-    Errors to reach are the parent's bound, or what is left of it on gentle ground, and
-    half of that: the bound of an inner cell of the leaf's size.
+    Errors to reach are shares of the parent's bound, or of what is left of it on gentle
+    ground: half of it is the bound of an inner cell of the leaf's size.
 
     Returns
     -------
@@ -65,17 +66,36 @@ def laddered(
     if len(truths) > 1 or most_m < LEAST * bound_m:
         return *fitted(cell, places, bound_m, truths, leaf=True), []
     fitting = Fitting(cell, places, truths, leaf=True)
-    rough, posts = fitting.roughness(bound_m) > ROUGH, 2 * len(places.at)
-    made: list[Rung] = []
-    goals_m = [share * most_m for share in (ROUGH_GOALS if rough else (1.0, 0.5))]
+    share = fitting.roughness(bound_m)
+    made = _on_the_way(fitting, share, (most_m, bound_m), 2 * len(places.at))
+    if share > NEARLY_ALL:
+        fitting.take_all()
+    whole, error_m = fitted(cell, places, bound_m, truths, leaf=True, begun=fitting)
+    return whole, error_m, _kept(made, len(whole.triangles), error_m, SAVES)
+
+
+def _on_the_way(
+    fitting: Fitting, share: float, span_m: tuple[float, float], posts: int
+) -> list[Rung]:
+    """Return what a leaf's mesh is at some errors, coarser first.
+
+    Parameters
+    ----------
+    share : of its posts that it takes, about
+    span_m : its parent's bound, or what is left of it, and its own
+    posts : triangles of a mesh of all of them
+    """
+    most_m, bound_m = span_m
+    rough = ROUGHEST_GOALS if share > NEARLY_ALL else ROUGH_GOALS
+    made, goals_m = [], [goal * most_m for goal in (rough if share > ROUGH else GOALS)]
     for goal_m in goals_m:
         if goal_m < LEAST * bound_m:
             break
         made.append(Rung(*fitting.roughly(goal_m, ROUNDS)))
-        if len(made) == 2 and not rough and len(made[1].surface.triangles) < FEW * posts:
+        few = share <= ROUGH and len(made[-1].surface.triangles) < FEW * posts
+        if few and len(made) == len(GOALS):
             goals_m.append(math.sqrt(goal_m * bound_m))
-    whole, error_m = fitted(cell, places, bound_m, truths, leaf=True, begun=fitting)
-    return whole, error_m, _kept(made, len(whole.triangles), error_m, SAVES)
+    return made
 
 
 def laddered_inner(
@@ -107,22 +127,22 @@ def joined_mesh(whole: Surface, rungs: list[Rung]) -> tuple[Mesh, NDArray[np.voi
     mesh : the whole one's surface and skirt, then each rung's
     table : (r,) RUNG
     """
-    keys, steps, at = _key(whole.at), whole.steps, whole.at
+    steps, at = whole.steps, whole.at
+    most = max(int(one.used.max()) for one in (whole, *(rung.surface for rung in rungs)))
+    number = np.full(most + 1, -1)
+    number[whole.used] = np.arange(len(at))
     surfaces = [(whole.triangles, whole.border)]
     for rung in rungs:
         one = rung.surface
-        order = np.argsort(keys)
-        place = np.minimum(np.searchsorted(keys[order], _key(one.at)), len(keys) - 1)
-        number = order[place]
-        new = keys[number] != _key(one.at)
-        number[new] = len(keys) + np.arange(int(new.sum()))
+        # A whole mesh that was begun anew may have given a number to another place.
+        new = (number[one.used] < 0) | (at[number[one.used]] != one.at).any(axis=1)
         more = np.rint(one.points[new] / whole.scale_m)
         if np.abs(more).max(initial=0.0) > STEPS:
             break
-        keys = np.concatenate([keys, _key(one.at[new])])
+        number[one.used[new]] = len(at) + np.arange(len(more))
         at = np.concatenate([at, one.at[new]])
         steps = np.concatenate([steps, more.astype(np.int16)])
-        surfaces.append((number[one.triangles], number[one.border]))
+        surfaces.append((number[one.used][one.triangles], number[one.used][one.border]))
     mesh, ends = meshed(whole.cell, (whole.centre, whole.scale_m), steps, at, surfaces)
     table = np.zeros(len(surfaces) - 1, RUNG)
     for row, rung, (triangles, _), first, end in zip(
@@ -132,7 +152,3 @@ def joined_mesh(whole: Surface, rungs: list[Rung]) -> tuple[Mesh, NDArray[np.voi
         row["first_index"], row["surface_index_count"] = first, triangles.size
         row["index_count"] = end - first
     return mesh, table
-
-
-def _key(at: NDArray[np.int64]) -> NDArray[np.int64]:
-    return at[:, 0] * (2 * UV_ONE) + at[:, 1]
