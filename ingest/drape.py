@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, overlap
 from ingest.layer import Layer
+from ingest.picture_rim import faded
 from ingest.polar import is_polar, lon_at
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel
@@ -46,8 +47,9 @@ def drape(cell: int, pictures: list[Layer]) -> NDArray[np.float32]:
     out[..., CLEAR] = 1.0
     texel_m = edge_m(cell) / TEXTURE_SIDE
     for layer in reversed(pictures):
+        shares = faded(cell, layer, pictures)
         for part in parts_under(cell, layer.bounds_deg):
-            _lay(out, cell, layer, part, texel_m)
+            _lay(out, cell, layer, part, (texel_m, shares))
         if not out[..., CLEAR].any():
             break
     return out
@@ -82,16 +84,22 @@ def _lay(
     cell: int,
     layer: Layer,
     part: tuple[int, int, int, int],
-    texel_m: float,
+    how: tuple[float, Floats],
 ) -> None:
-    """Lay one picture over a rectangle of texels, under what lies there already."""
+    """Lay one picture over a rectangle of texels, under what lies there already.
+
+    Parameters
+    ----------
+    how : the texels' size in metres, and the share of the picture that shows, of `faded`
+    """
+    texel_m, shares = how
     nodes = _nodes(cell, layer, part, texel_m / layer.spacing_m)
     found = layer.picture(texel_m, *nodes)
     if found is not None:
         window, *places, limits = found
-        weight = COARSE_SHARE if layer.spacing_m > COARSE_M else 1.0
-        places_, most = np.stack(places), MOST_SAMPLES if is_polar(cell) else 1
-        _sample(window, places_, limits, np.array(part), np.float32(weight), most, out)
+        weight = np.float32(COARSE_SHARE if layer.spacing_m > COARSE_M else 1.0)
+        texels = weight, MOST_SAMPLES if is_polar(cell) else 1
+        _sample(window, np.stack(places), limits, np.array(part), shares, texels, out)
 
 
 def _nodes(
@@ -126,8 +134,8 @@ def _sample(
     nodes: Floats,
     limits: Floats,
     part: NDArray[np.int64],
-    weight: np.float32,
-    most: int,
+    shares: Floats,
+    texels: tuple[np.float32, int],
     out: NDArray[np.float32],
 ) -> None:
     """Interpolate a picture between those of its texels that are not transparent.
@@ -138,10 +146,13 @@ def _sample(
     nodes : (2, n + 1, n + 1) columns and rows in the window, over the rectangle
     limits : (4,) least and largest x, least and largest y that the picture covers
     part : (4,) x0, x1, y0, y1 of the rectangle
-    most : samples of a texel
+    shares : (m + 1, m + 1) of the picture that shows, over all of the cell
+    texels : share of a colour that counts, it hides coarser ones all the same; and how
+        many samples a texel has at most
     out : of `drape`
     """
-    spans, one = nodes.shape[1] - 1, np.float32(1.0)
+    weight, most = texels
+    spans, one, steps = nodes.shape[1] - 1, np.float32(1.0), len(shares) - 1
     du, dv = spans / (part[1] - part[0]), spans / (part[3] - part[2])
     for j in range(part[2], part[3]):
         v = (j + 0.5 - part[2]) * dv
@@ -156,6 +167,8 @@ def _sample(
             y = _between(nodes[1], r, c, u - c, v - r)
             if not (limits[0] < x < limits[1] and limits[2] < y < limits[3]):
                 continue
+            s, t = steps * (i + 0.5) / TEXTURE_SIDE, steps * (j + 0.5) / TEXTURE_SIDE
+            clear *= np.float32(_between(shares, int(t), int(s), s - int(s), t - int(t)))
             wide, count = 0.0, 1
             if most > 1:
                 wide = abs(_between(nodes[0], r, c, u - c + du, v - r) - x)
@@ -173,7 +186,8 @@ def _sample(
             out[j, i, 1] += clear * weight * green
             out[j, i, 2] += clear * weight * blue
             out[j, i, SHARE] += clear * weight * opaque
-            out[j, i, CLEAR] *= one - opaque if opaque < ALL else np.float32(0.0)
+            left = out[j, i, CLEAR] - clear * opaque
+            out[j, i, CLEAR] = left if left > one - ALL else np.float32(0.0)
 
 
 @inlined

@@ -148,6 +148,19 @@ class Layer:
         window = self._blocks.window(level, top, bottom, left, right)
         return window, x - left, y - top, limits - np.array([left, left, top, top])
 
+    def shows(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> NDArray[np.bool_]:
+        """Say at which places, (n,), a picture is not transparent, within about a step."""
+        shown = np.zeros(lon_rad.shape, bool)
+        found = self.picture(step_m, *self.pixels(lon_rad, lat_rad))
+        if found is not None:
+            window, x, y, limits = found
+            inside = (limits[0] < x) & (x < limits[1]) & (limits[2] < y) & (y < limits[3])
+            col, row = np.rint(x[inside]).astype(int), np.rint(y[inside]).astype(int)
+            last = np.array(window.shape[:2]) - 1
+            texels = window[np.clip(row, 0, last[0]), np.clip(col, 0, last[1])]
+            shown[inside] = texels[:, 0] > 0
+        return shown
+
     def _level(self, step_m: float) -> int:
         ratio = max(step_m / self.spacing_m, 1.0)
         return int(np.clip(np.floor(np.log2(ratio) + 1e-6), 0, self._levels - 1))

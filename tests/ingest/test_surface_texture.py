@@ -119,7 +119,8 @@ def test_texels_are_the_pictures_own_colours_in_any_crs(
     else:
         x, y = pyproj.Transformer.from_crs(4326, crs, always_xy=True).transform(lon, lat)
     col, row = (x - where.c) / where.a - 0.5, (y - where.f) / where.e - 0.5
-    inside = (col > 0) & (col < 279) & (row > 0) & (row < 299)
+    # Its rims are faded.
+    inside = (col > 20) & (col < 259) & (row > 20) & (row < 279)
     assert inside.sum() > 2000
     c, r = col[inside].astype(int), row[inside].astype(int)
     fx, fy = col[inside] - c, row[inside] - r
@@ -183,13 +184,15 @@ def test_a_transparent_place_without_another_picture_shows_the_tint(
     flat = np.full((67, 67), 400.0)
     painted, bare = paint(cell, flat, flat, [layer]), paint(cell, flat, flat, [])
     np.testing.assert_allclose(painted[128, 128], bare[128, 128], atol=0.01)
-    np.testing.assert_allclose(painted[10, 10], RED, atol=0.01)
+    np.testing.assert_allclose(painted[20, 20], RED, atol=0.01)
 
 
 def test_black_is_a_colour(opened: Opener) -> None:
     cell = cell_of(8)
     west, _, _, north = np.degrees(cells.bounds_rad(cell))
-    found = drape(cell, [opened(plain((0, 0, 0)), north_up(west - 0.05, north, 0.3 / 60))])
+    found = drape(
+        cell, [opened(plain((0, 0, 0)), north_up(west - 0.05, north + 0.05, 0.3 / 60))]
+    )
     assert found[..., SHARE].min() > 0.999
     assert found[..., :3].max() < 1.001
 
