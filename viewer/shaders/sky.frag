@@ -43,8 +43,9 @@ void main() {
     // Mist fills the lowest air only, and lies along the horizon.
     float mist = exp2(-0.063 * MIST * air * air * density.y * zenith.w);
     vec3 seen = mix(thick, mix(thick, thin, t2) * (1.0 - t), mist);
-    float glow = near * near;
+    float glow = near * near;  // to the power of 512: half at 6 degrees
+    glow *= glow; glow *= glow; glow *= glow; glow *= glow;
     glow *= glow; glow *= glow; glow *= glow; glow *= glow;
     float disc = smoothstep(SUN_COSINE - 2e-6, SUN_COSINE + 2e-6, 2.0 * near - 1.0);
-    screen = to_screen(seen + t * mist * (SUN * disc + (0.4 - 0.4 * t1 * mist) * glow));
+    screen = to_screen(seen + t * mist * (SUN * disc + (2.5 - 2.5 * t1 * mist) * glow));
 }

@@ -16,5 +16,8 @@ vec3 glint(float near, float rise, float mu) {
     // with the square |sun + to_eye|^2 / (up . (sun + to_eye))^2 - 1.
     float level = max(rise + mu, 0.05);
     float slope = max(4.0 * (1.0 - near) / (level * level) - 1.0, 0.0);
-    return GLINT * exp2(-1.442695 / SLOPES * slope);
+    // Few waves face the sun wholly, and flash: a core that is a fifth as wide.
+    float wide = exp2(-1.442695 / SLOPES * slope), core = wide * wide;
+    core *= core; core *= core;
+    return GLINT * (0.6 * wide + 3.0 * core * core * core);
 }
