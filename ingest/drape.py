@@ -26,7 +26,7 @@ GOOD_PX = 0.4
 is left between the nodes themselves."""
 
 
-SHARE, CLEAR = 3, 4
+SHARE, CLEAR, FINE = 3, 4, 5
 ALL = np.float32(0.999)
 """So opaque that nothing shows through: sums of weights are rounded."""
 MOST_SAMPLES = 32
@@ -40,16 +40,19 @@ def drape(cell: int, pictures: list[Layer]) -> NDArray[np.float32]:
 
     Returns
     -------
-    (256, 256, 5) float32, row 0 south: the pictures' sRGB colour 0..255 times its share,
-    its share, and how much a coarser picture would show through
+    (256, 256, 9) float32, row 0 south: the pictures' sRGB colour 0..255 times its share,
+    its share, how much a coarser picture would show through, and from FINE on colour and
+    share of those finer than COARSE_M alone
     """
-    out = np.zeros((TEXTURE_SIDE, TEXTURE_SIDE, 5), np.float32)
+    out = np.zeros((TEXTURE_SIDE, TEXTURE_SIDE, FINE + 4), np.float32)
     out[..., CLEAR] = 1.0
     texel_m = edge_m(cell) / TEXTURE_SIDE
     for layer in reversed(pictures):
         shares = faded(cell, layer, pictures)
         for part in parts_under(cell, layer.bounds_deg):
             _lay(out, cell, layer, part, (texel_m, shares))
+        if layer.spacing_m <= COARSE_M:
+            out[..., FINE:] = out[..., :CLEAR]
         if not out[..., CLEAR].any():
             break
     return out

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, overlap
-from ingest.drape import SHARE, drape
+from ingest.drape import FINE, SHARE, drape
 from ingest.layer import Layer
 from ingest.tints import (
     DARKER,
@@ -24,8 +24,9 @@ from tiles.kernels import inlined, kernel, summing
 from tiles.terrain import TEXTURE_SIDE
 
 Rows = NDArray[np.float32]
-NO_PICTURE = np.zeros((0, 0, 5), np.float32)
+NO_PICTURE = np.zeros((0, 0, FINE + 4), np.float32)
 FINER, RELIEF_TEXELS = 0.7, 1.998
+LEAST = np.float32(1e-3)
 FLAT_M = 0.5
 """Ground whose posts differ by less shows no relief at any level."""
 
@@ -183,7 +184,7 @@ def _paint(
     ----------
     posts : of `_posts`, row 0 south
     is_fine : (n, n) squares of posts whose texels are to be painted
-    picture : (256, 256, 5) of `drape`, or NO_PICTURE
+    picture : of `drape`, or NO_PICTURE
     snow_m : (n + 1,) of `snow_line_m`
     out : (256, 256, 3)
     """
@@ -210,13 +211,34 @@ def _paint(
             step = step_of(height, step)
             rgb = tint_of(step, height, up, snow_here_m)
             light = light_of(east, north, up, height)
-            share = red = green = blue = ZERO
+            bare, red, green, blue = ONE, ZERO, ZERO, ZERO
             if has_picture:
-                share, red = picture[y, x, SHARE], picture[y, x, 0]
-                green, blue = picture[y, x, 1], picture[y, x, 2]
-            kept = kept_of(share, red, blue, height, up, knows)
-            bare = ONE - kept * share
-            bare -= DARKER * max(bare - (ONE - share), ZERO)
-            out[y, x, 0] = min((bare * rgb[0] + kept * red) * light, WHITE)
-            out[y, x, 1] = min((bare * rgb[1] + kept * green) * light, WHITE)
-            out[y, x, 2] = min((bare * rgb[2] + kept * blue) * light, WHITE)
+                bare, red, green, blue = _shown(picture[y, x], height, up, knows)
+            out[y, x, 0] = min((bare * rgb[0] + red) * light, WHITE)
+            out[y, x, 1] = min((bare * rgb[1] + green) * light, WHITE)
+            out[y, x, 2] = min((bare * rgb[2] + blue) * light, WHITE)
+
+
+@inlined
+def _shown(
+    picture: NDArray[np.float32], height: np.float32, up: np.float32, knows: np.float32
+) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+    """Return the share of a texel that is tint, and what its pictures add to it.
+
+    A fine picture is shown as it is; what it leaves clear, as if it was not there.
+    """
+    fine = picture[FINE + SHARE]
+    clear = ONE - fine
+    if clear < LEAST:
+        return ZERO, picture[FINE], picture[FINE + 1], picture[FINE + 2]
+    share = (picture[SHARE] - fine) / clear
+    red, blue = picture[0] - picture[FINE], picture[2] - picture[FINE + 2]
+    kept = kept_of(share, red / clear, blue / clear, height, up, knows)
+    bare = ONE - kept * share
+    bare -= DARKER * max(bare - (ONE - share), ZERO)
+    return (
+        np.float32(clear * bare),
+        np.float32(picture[FINE] + kept * red),
+        np.float32(picture[FINE + 1] + kept * (picture[1] - picture[FINE + 1])),
+        np.float32(picture[FINE + 2] + kept * blue),
+    )
