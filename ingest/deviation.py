@@ -5,8 +5,12 @@ Two piecewise linear surfaces differ most at a vertex of their overlay: at the m
 vertices, at the posts, or where an edge of the mesh crosses a line between posts. All are
 visited. There a leaf's height is compared with the true one. Of an inner cell, the shortest
 distance of the true point from the mesh counts, and where an edge crosses also that of the
-drawn point from the plane of the true triangle. On the rim, where neighbours must meet, it
-is the distance of the two points with the same longitude and latitude.
+drawn point from the plane of the true triangle . On the rim,
+where neighbours must meet, it is the distance of the two points with the same longitude
+and latitude.
+
+Looked at wider, a true point may be near another drawn triangle, and a drawn point near
+another true one: so it is at a pole, and where a triangle passes beneath a cliff.
 """
 
 from dataclasses import dataclass
@@ -16,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.deviation_kernels import add
-from ingest.terrain_mesh import Surface
+from ingest.terrain_mesh import Surface, at_pole
 from ingest.truth import Truth
 from tiles.frames import Floats
 
@@ -60,6 +64,7 @@ class Gaps:
         *,
         upright: bool = False,
         edges: bool = True,
+        wide: bool = False,
     ) -> None:
         """Measure a surface's fresh triangles against the truth of a leaf in its cell.
 
@@ -67,8 +72,11 @@ class Gaps:
         ----------
         upright : measure along the vertical instead of the shortest way
         edges : measure along edges too, not only at posts
+        wide : look for the shortest way at the triangles around, too
         """
-        ways = surface.triangles, surface.on_rim, surface.across
+        wide = wide or at_pole(surface.cell)
+        across = surface.across if wide else surface.nowhere
+        ways = surface.triangles, surface.on_rim, across
         drawn = surface.points, surface.uv, *ways, surface.centre
         true = truth.points, truth.uv, truth.grid, truth.centre, truth.slack_m
         known = self.far_m, self.uv, self.which

@@ -13,6 +13,7 @@ from ingest.distance import (
     squared_gap,
     to_mesh,
     to_true_plane,
+    to_true_surface,
     upright_gap,
 )
 from ingest.posts import column_row, point_at
@@ -94,7 +95,11 @@ def along_edges(mesh: Mesh, posts: Posts, todo: Flags, found: Found) -> None:
                     upright = upright_gap(middle, flat, true)
                     if upright < 0.0:
                         upright = to_mesh(points, triangles, across, t, true)
-                        upright = max(upright, to_true_plane(heights, x, y, flat, true))
+                        if max(across[t, 0], across[t, 1], across[t, 2]) < 0:
+                            off = to_true_plane(heights, x, y, flat, true)
+                        else:
+                            off = to_true_surface(heights, x, y, flat)
+                        upright = max(upright, off)
                     gap = min(gap, upright)
                 if gap > squared[t]:
                     squared[t], where[t, 0], where[t, 1] = gap, u, v

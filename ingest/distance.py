@@ -80,8 +80,8 @@ def to_mesh(points: Floats, triangles: Ints, across: Ints, t: int, point: Point)
     """Squared shortest distance of a point from triangle t, or from one near it.
 
     In a cell at a pole, what is straight in longitude and latitude is bent on the ground,
-    and triangles may have no area: the point may lie over another triangle. Those nearest
-    so far are asked for their neighbours.
+    and triangles may have no area: the point may lie over another triangle. On a cliff it
+    may be nearer to another. Those nearest so far are asked for their neighbours.
     """
     best = _to_triangle(points, triangles, t, point)
     if max(across[t, 0], across[t, 1], across[t, 2]) < 0:
@@ -114,6 +114,11 @@ def _to_triangle(points: Floats, triangles: Ints, t: int, point: Point) -> float
     """Squared distance of a point from a triangle."""
     a = _corner(points, triangles[t, 0])
     b, c = _corner(points, triangles[t, 1]), _corner(points, triangles[t, 2])
+    return _to_corners(a, b, c, point)
+
+
+@kernel
+def _to_corners(a: Point, b: Point, c: Point, point: Point) -> float:
     along, across, off = _minus(b, a), _minus(c, a), _minus(point, a)
     uu, uv, vv = _dot(along, along), _dot(along, across), _dot(across, across)
     du, dv = _dot(along, off), _dot(across, off)
@@ -150,3 +155,34 @@ def to_true_plane(
     vz = float(posts[r + 1, c + 1, 2] - posts[r, c, 2])
     normal = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     return float(_dot(normal, _minus(flat, true)) ** 2 / max(_dot(normal, normal), 1e-12))
+
+
+@kernel
+def to_true_surface(posts: NDArray[np.float32], x: float, y: float, point: Point) -> float:
+    """Squared distance of a point from the true triangles around the post nearest to it.
+
+    That post is looked for from a column and row near it. Triangles further away can only
+    be nearer.
+    """
+    rows, cols = posts.shape[0], posts.shape[1]
+    r, c = min(max(int(y), 0), rows - 1), min(max(int(x), 0), cols - 1)
+    best, moved = squared_gap(_post(posts, r, c), point), True
+    while moved:
+        moved = False
+        middle_r, middle_c = r, c
+        for i in range(max(middle_r - 1, 0), min(middle_r + 2, rows)):
+            for j in range(max(middle_c - 1, 0), min(middle_c + 2, cols)):
+                far = squared_gap(_post(posts, i, j), point)
+                if far < best:
+                    best, r, c, moved = far, i, j, True
+    for i in range(max(r - 1, 0), min(r + 1, rows - 1)):
+        for j in range(max(c - 1, 0), min(c + 1, cols - 1)):
+            a, d = _post(posts, i, j), _post(posts, i + 1, j + 1)
+            best = min(best, _to_corners(a, _post(posts, i, j + 1), d, point))
+            best = min(best, _to_corners(a, _post(posts, i + 1, j), d, point))
+    return best
+
+
+@inlined
+def _post(posts: NDArray[np.float32], r: int, c: int) -> Point:
+    return float(posts[r, c, 0]), float(posts[r, c, 1]), float(posts[r, c, 2])

@@ -20,7 +20,7 @@ from ingest.truth import Truth, points_at
 from tiles.frames import Floats
 from tiles.mesh import UV_ONE
 
-ROUNDS = 16
+ROUNDS = 32
 """Most rounds of mending"""
 THINNINGS = 3
 """Rounds in which vertices of an inner cell are taken out: one more takes 4 % of its
@@ -60,7 +60,7 @@ def fitted(
     if leaf and not begun and fitting.roughness(bound_m) > NEARLY_ALL:
         fitting.take_all()
     best = fitting.within(bound_m, ROUNDS)
-    if leaf and best[1] > fitting.goal_m(bound_m) + fitting.slack_m and not at_pole(cell):
+    if leaf and best[1] > fitting.goal_m(bound_m) + fitting.slack_m:
         whole = Fitting(cell, places, truths, leaf=leaf)
         whole.take_all()
         best = min(best, whole.within(bound_m, ROUNDS), key=_error)
@@ -110,7 +110,13 @@ class Fitting:
         best = last = self._measured()
         error_m, settled = best[1], False
         for n in range(rounds):
-            mends = error_m > bound_m and self._add_too_far(goal_m)
+            gaps = self._gaps
+            if error_m > bound_m and n >= self._thinnings:
+                last = self._measured() if settled else last
+                gaps, settled = self._looked_wider(last[0], bound_m), False
+                error_m = gaps.largest_m
+                best = min(best, (last[0], error_m), key=_error)
+            mends = error_m > bound_m and self._add_too_far(gaps, last[0], goal_m)
             if mends:
                 self._insert(goal_m)
             holes = self._meshing.lift(goal_m) if n < self._thinnings else None
@@ -124,6 +130,8 @@ class Fitting:
                 best, error_m = min(best, last, key=_error), last[1]
         if settled:
             last = self._measured()
+        if last[1] > bound_m:
+            last = last[0], self._looked_wider(last[0], bound_m).largest_m
         return last if last[1] <= bound_m else min(best, last, key=_error)
 
     def roughly(self, bound_m: float, rounds: int) -> Fitted:
@@ -157,6 +165,23 @@ class Fitting:
             self._gaps.add(surface, window, truth, number, upright=self._leaf)
         return surface, self._gaps.largest_m
 
+    def _looked_wider(self, surface: Surface, bound_m: float) -> Gaps:
+        """Return what was measured; of an inner cell, what is beyond its bound anew.
+
+        The shortest way may lead to another triangle than the one at the same longitude and
+        latitude. It changes with those around, so it is not kept from round to round.
+        """
+        gaps = self._gaps
+        assert gaps
+        over = gaps.far_m > bound_m
+        if self._leaf or at_pole(self._cell) or not over.any():
+            return gaps
+        wide = Gaps(np.where(over, 0.0, gaps.far_m), gaps.uv.copy(), gaps.which.copy())
+        there = replace(surface, fresh=over)
+        for number, truth in enumerate(self._truths):
+            wide.add(there, self._windows[number], truth, number, wide=True)
+        return wide
+
     def _settle(self, holes: Holes, before: Gaps, bound_m: float) -> float:
         """Keep those holes whose triangles are within the bound; returns the error, m."""
         gaps = self._gaps
@@ -168,13 +193,13 @@ class Fitting:
         self._gaps = Gaps(gaps.far_m[order], gaps.uv[order], gaps.which[order])
         return self._gaps.largest_m
 
-    def _add_too_far(self, goal_m: float) -> bool:
+    def _add_too_far(self, gaps: Gaps | None, surface: Surface, goal_m: float) -> bool:
         """Add the place where each triangle is furthest from the truths, if it is too far.
 
-        Beside the cell's edge the place on the edge becomes a vertex too, or ever thinner
-        triangles would creep up to it. False when there is no room for more.
+        Where there is a vertex already, a rounding away, the middle of the triangle's
+        longest edge instead. Beside the cell's edge the place on the edge becomes a vertex
+        too, or ever thinner triangles would creep up to it. False when there is no room.
         """
-        gaps = self._gaps
         assert gaps
         slack_m = np.array([one.slack_m for one in self._truths])
         far = np.flatnonzero(gaps.far_m - slack_m[gaps.which] > goal_m)
@@ -182,8 +207,11 @@ class Fitting:
             return False
         beside = far[is_beside_rim(gaps.uv[far])]
         rim = on_rim(gaps.uv[beside])
-        which = np.concatenate([gaps.which[far], self.holding(rim)])
         at = snapped(np.concatenate([gaps.uv[far], rim]))
+        which = np.concatenate([gaps.which[far], self.holding(rim)])
+        taken = np.flatnonzero(np.isin(_keys(at[: len(far)]), _keys(surface.at)))
+        at[taken] = _middles(surface, far[taken])
+        which[taken] = self.holding(at[taken] / UV_ONE)
         points = np.empty((len(at), 3))
         for k in np.unique(which).tolist():
             truth, mine, window = self._truths[k], which == k, self._windows[k]
@@ -200,6 +228,19 @@ class Fitting:
 
 def _error(result: Fitted) -> float:
     return result[1]
+
+
+def _keys(at: NDArray[np.int64]) -> NDArray[np.int64]:
+    return at[:, 0] * (2 * UV_ONE) + at[:, 1]
+
+
+def _middles(surface: Surface, which: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the middles of triangles' longest edges, as places, (n, 2)."""
+    ends = surface.triangles[which]
+    there = surface.points[ends]
+    long_m = np.linalg.norm(there - np.roll(there, -1, axis=1), axis=2)
+    k, n = long_m.argmax(axis=1), np.arange(len(which))
+    return np.asarray(surface.at[ends[n, k]] + surface.at[ends[n, (k + 1) % 3]]) // 2
 
 
 def is_beside_rim(uv: Floats) -> NDArray[np.bool_]:

@@ -85,7 +85,7 @@ class Surface:
     weight_m: Floats
     """(v,) how much each vertex matters: its distance from the surface without it"""
     across: NDArray[np.int64]
-    """(t, 3) in a cell at a pole the triangle across from each edge, else -1"""
+    """(t, 3) the triangle across from each edge, -1 on the rim"""
     fresh: NDArray[np.bool_]
     """(t,) triangles that the cell's surface before this one did not have"""
 
@@ -103,6 +103,11 @@ class Surface:
     def points(self) -> Floats:
         """Return positions, (v, 3) float64 m around the mesh's centre."""
         return np.asarray(self.steps.astype(np.float64) * self.scale_m)
+
+    @cached_property
+    def nowhere(self) -> NDArray[np.int64]:
+        """Return an `across` of triangles that are looked at alone."""
+        return np.full_like(self.across, -1)
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -228,7 +233,6 @@ class Meshing:
         # Another scale rounds all positions anew.
         fresh = net.fresh | (scale_m != self._scale_m)
         self._scale_m = scale_m
-        across = net.across if at_pole(self._cell) else np.full_like(net.across, -1)
         return Surface(
             self._cell,
             self._centre,
@@ -239,7 +243,7 @@ class Meshing:
             net.border,
             net.used,
             net.weight_m,
-            across,
+            net.across,
             fresh,
         )
 

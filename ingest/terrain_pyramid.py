@@ -209,10 +209,11 @@ class ZoneBuilder:
         ]
         places = joined(cell, surfaces, inner_bound_m(cell))
         if self._is_flat(node):
-            node.children = []
-            return self._leaf(node, places)
-        bound_m = inner_bound_m(cell)
-        made = laddered_inner(cell, places, bound_m, node.truths)
+            one = self._leaf(Node(cell, truths=node.truths), places)
+            errors = (child.error_m for child in node.children)
+            if one.error_m <= max(self._plan.leaf_bound_m(cell), *errors):  # else cliffs
+                return one
+        made = laddered_inner(cell, places, inner_bound_m(cell), node.truths)
         node.surface, node.error_m, node.rungs = made
         for child in node.children:
             self._finish(child)

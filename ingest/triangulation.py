@@ -17,6 +17,8 @@ from tiles.kernels import inlined, kernel
 
 SPARE, MOST_SPARE = 1024, 16_384
 """Points that may be added later: half as many again and so many, or twice as many"""
+MOST_POINTS = 262_144
+"""Where that is too few, there is room for up to so many"""
 
 
 class Triangulation:
@@ -75,7 +77,7 @@ class Triangulation:
         self._count = refine(self._net, self._lists, self._count, -1.0)
 
     def add(self, at: Ints, flat: Floats, points: Floats, near: Ints | None = None) -> bool:
-        """Add points that must become vertices; False when there is no room left.
+        """Add points that must become vertices; False when there are too many.
 
         Parameters
         ----------
@@ -84,8 +86,19 @@ class Triangulation:
         """
         start = np.zeros(len(at), np.int64) if near is None else near
         new = at, flat, points, start
+        self._make_room(len(at))
         self._size, fits = _add(self._net, self._lists, self._size, *new)
         return fits
+
+    def _make_room(self, count: int) -> None:
+        """Make room for more points, where there is too little and may be more."""
+        old = len(self._net.at)
+        if self._size + count <= old or old >= MOST_POINTS:
+            return
+        room = min(2 * old, MOST_POINTS)
+        self._net = Net(*(_grown(one, old, room) for one in self._net))
+        self._lists = Lists(*(_grown(one, old, room) for one in self._lists))
+        self._losses_m = -1.0
 
     def lift(self, bound_m: float) -> Holes | None:
         """Take out vertices that no point minds by more than a bound, until `settle`."""
@@ -210,5 +223,14 @@ def _is_same(at: Ints, p: int, q: int) -> bool:
 
 def _roomy(values: NDArray[Any], room: int) -> NDArray[Any]:
     held = np.zeros((room, *values.shape[1:]), values.dtype)
+    held[: len(values)] = values
+    return held
+
+
+def _grown(values: NDArray[Any], old: int, room: int) -> NDArray[Any]:
+    """Give arrays of the points, or of triangles, more room; others stay."""
+    if len(values) % old or not len(values):
+        return values
+    held = np.full((len(values) // old * room, *values.shape[1:]), values[-1], values.dtype)
     held[: len(values)] = values
     return held
