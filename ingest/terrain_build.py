@@ -53,6 +53,17 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
+class TopJob:
+    """The cells of a zone above its parts, to make when those are made."""
+
+    root: int
+    parts: list[Part]
+    old: NDArray[np.void]
+    below: NDArray[np.void]
+    """records of the cells in the parts"""
+
+
+@dataclass(frozen=True, slots=True)
 class MadePart:
     """A subtree as it comes from a worker; bodies are dropped once they are stored."""
 
@@ -117,12 +128,14 @@ def rebuild(
     sizes = {one: plan.tiles(one) for cut in parts.values() for one in cut}
     with crew_of(recipe, workers, builder, len(sizes)) as crew:
         made = make_parts(journal, recipe, sizes, old, crew, progress)
-    clock.lap("mesh")
-    above = [
-        make_above(builder, root, [made[one] for one in cut], old)
-        for root, cut in parts.items()
-        if cut != [root]
-    ]
+        clock.lap("mesh")
+        jobs = [
+            top_job(root, [made[one] for one in cut], old)
+            for root, cut in parts.items()
+            if cut != [root]
+        ]
+        with journal.undisturbed():
+            above = list(crew.run(make_above, jobs))
     clock.lap("top levels")
     kept = old[~np.isin(zone_of, todo)]
     with journal.step():
@@ -191,17 +204,21 @@ def around(old: NDArray[np.void], cell: int) -> NDArray[np.void]:
     return old[below | np.isin(old["cell"], above)]
 
 
-def make_above(
-    builder: ZoneBuilder, root: int, made: list[MadePart], old: NDArray[np.void]
-) -> MadePart:
-    """Make the cells of a zone above its parts."""
+def top_job(root: int, made: list[MadePart], old: NDArray[np.void]) -> TopJob:
+    """Say what the cells of a zone above its parts are made of."""
     parts = [one.part for one in made]
     deepest = max(int(cells.level(part.cell)) for part in parts)
     near = around(old, root)
     near = near[cells.level(near["cell"]) < deepest]
-    near_of = {int(one["cell"]): one for one in near}
     below = np.concatenate([one.records for one in made])
-    return MadePart.of(builder.build(root, parts, near_of, below), parts[0])
+    return TopJob(root, parts, near, below)
+
+
+def make_above(job: TopJob, builder: ZoneBuilder) -> MadePart:
+    """Make the cells of a zone above its parts."""
+    near = {int(one["cell"]): one for one in job.old}
+    made = builder.build(job.root, job.parts, near, job.below)
+    return MadePart.of(made, job.parts[0])
 
 
 def make_part(job: Job, builder: ZoneBuilder) -> MadePart:
