@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ingest.boxes import window_in
 from ingest.deviation import Gaps
+from ingest.posts import bent_share
 from ingest.removal import Holes
 from ingest.terrain_mesh import Meshing, Places, Surface, at_pole, snapped
 from ingest.truth import Truth, points_at
@@ -93,11 +94,7 @@ class Fitting:
         """Return the share of a leaf's posts that are too far from between others."""
         if len(self._truths) > 1:
             return 0.0
-        posts, goal_m = self._truths[0].points, self.goal_m(bound_m)
-        east = posts[1:-1, 1:-1] - (posts[1:-1, 2:] + posts[1:-1, :-2]) / 2
-        north = posts[1:-1, 1:-1] - (posts[2:, 1:-1] + posts[:-2, 1:-1]) / 2
-        squared = (np.einsum("rck,rck->rc", one, one) for one in (east, north))
-        return float((np.maximum(*squared) > goal_m**2).mean())
+        return bent_share(self._truths[0].points, self.goal_m(bound_m))
 
     def take_all(self) -> None:
         """Insert all places."""

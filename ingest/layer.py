@@ -50,6 +50,10 @@ class Layer:
         self.is_picture = self._blocks.bands == 3
         self._levels = level_count(self._shape[1], self._shape[0])
         self._polar = self._place.closes
+        is_upright = not (self.is_projected or any(source["transform"][k] for k in (1, 3)))
+        skipped = source.get("posts", {}).get("skipped", {"unknown": 0})
+        self._is_whole = is_upright and not skipped
+        """whether there is data wherever the bounding box is"""
         self._pole_means: dict[tuple[int, int], float] = {}
 
     def heights(self, lon_rad: Floats, lat_rad: Floats, step_m: float) -> Floats:
@@ -217,7 +221,8 @@ class Layer:
         box_rad : west, south, east, north; data a little outside may count
         """
         box = tuple(float(edge) for edge in box_rad)
-        return any(self._holds(part) for part in _common_parts(box, self.bounds_deg))
+        parts = _common_parts(box, self.bounds_deg)
+        return any(self._is_whole or self._holds(part) for part in parts)
 
     def _holds(self, box_rad: Box) -> bool:
         """Look for data in a box that lies in the raster's own."""

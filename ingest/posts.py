@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.frames import Floats
-from tiles.kernels import inlined
+from tiles.kernels import inlined, kernel
 
 
 @inlined
@@ -44,3 +44,18 @@ def point_at(points: NDArray[np.float32], x: float, y: float) -> tuple[float, fl
         + w10 * points[r + 1, c, 2]
         + w11 * points[r + 1, c + 1, 2],
     )
+
+
+@kernel
+def bent_share(points: NDArray[np.float32], bound_m: float) -> float:
+    """Return the share of inner posts further than a bound from between two others."""
+    height, width, bent = points.shape[0], points.shape[1], 0
+    for r in range(1, height - 1):
+        for c in range(1, width - 1):
+            east, north = 0.0, 0.0
+            for k in range(3):
+                here = points[r, c, k]
+                east += (here - (points[r, c + 1, k] + points[r, c - 1, k]) / 2.0) ** 2
+                north += (here - (points[r + 1, c, k] + points[r - 1, c, k]) / 2.0) ** 2
+            bent += int(max(east, north) > bound_m * bound_m)
+    return float(bent / max((height - 2) * (width - 2), 1))

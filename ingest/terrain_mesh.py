@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ingest.boxes import edges_rad
 from ingest.closing import Under
+from ingest.leaf_places import first_ones
 from ingest.removal import Holes
 from ingest.triangulation import Triangulation
 from tiles import geodesy
@@ -41,8 +42,7 @@ class Places:
     @classmethod
     def of(cls, at: NDArray[np.int64], points: Floats, lean: int = 1) -> Self:
         """Take the first of places that are alike; the first four are the corners."""
-        keys = at[:, 0] * (2 * UV_ONE) + at[:, 1]
-        first = np.sort(np.unique(keys, return_index=True)[1])
+        first = first_ones(at)
         return cls(at[first], Ecef(points[first]), lean)
 
 

@@ -37,14 +37,14 @@ class Triangulation:
             np.zeros(room, np.bool_),
             np.zeros(3) if middle is None else middle,
             np.zeros(room),
-            np.zeros((2 * room, 3), np.int64),
-            np.full(6 * room, -1, np.int64),
+            np.empty((2 * room, 3), np.int64),
+            np.empty(6 * room, np.int64),
         )
         self._net.high_m[: len(at)] = highs(points, self._net.middle)
         self._lists = Lists(
             np.full(2 * room, -1),
             np.full(room, -1),
-            np.full(2 * room, -1),
+            np.empty(2 * room, np.int64),
             np.full(2 * room, -1.0),
             np.full(room, np.inf),
             np.empty((2 * room, 3)),
@@ -222,7 +222,7 @@ def _is_same(at: Ints, p: int, q: int) -> bool:
 
 
 def _roomy(values: NDArray[Any], room: int) -> NDArray[Any]:
-    held = np.zeros((room, *values.shape[1:]), values.dtype)
+    held = np.empty((room, *values.shape[1:]), values.dtype)
     held[: len(values)] = values
     return held
 

@@ -17,6 +17,7 @@ from ingest.feather import followed_m
 from ingest.filled import filled, missed_of
 from ingest.lattice_gap import missed_between
 from ingest.layer import Layer
+from ingest.leaf_places import posts_inside, rim_crossings
 from ingest.mosaic import Mosaic
 from ingest.posts import column_row, point_at
 from ingest.terrain_mesh import CORNERS, Places, snapped
@@ -148,8 +149,11 @@ def _posts_around(layer: Layer, cell: int) -> Window | None:
     right, bottom = int(np.floor(col.max())) + 2, int(np.floor(row.max())) + 2
     if (right - left) * (bottom - top) > MOST_POSTS:
         return None
-    fit = _fit(layer, left, top, cell)
-    misfit_posts = _misfit_posts(layer, fit, (left, top), cell)
+    if layer.is_projected:
+        fit = _fit(layer, left, top, cell)
+        misfit_posts = _misfit_posts(layer, fit, (left, top), cell)
+    else:
+        fit, misfit_posts = _straight(np.stack([col - left, row - top]).reshape(2, 9, 9))
     if misfit_posts >= WORST_FIT_POSTS:
         return None
     return Window(layer, left, top, right, bottom, fit, misfit_posts)
@@ -167,6 +171,24 @@ def terms(u: Floats, v: Floats) -> Floats:
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
 
 
+def _straight(known: Floats) -> tuple[Floats, float]:
+    """Return a linear fit through three corners of a lattice, and its largest error.
+
+    Parameters
+    ----------
+    known : (2, n, n) columns and rows, of a source in longitude and latitude
+    """
+    fit = np.zeros((2, 6))
+    fit[:, 0] = known[:, 0, 0]
+    fit[:, 1:3] = np.stack([known[:, 0, -1], known[:, -1, 0]], axis=1) - fit[:, :1]
+    # Rounding must not bend it.
+    fit[np.abs(fit) < 1e-9] = 0.0
+    steps = np.linspace(0.0, 1.0, known.shape[1])
+    start, east, north = fit[:, :3].T[:, :, None, None]
+    found = start + east * steps + north * steps[:, None]
+    return fit, float(np.abs(found - known).max())
+
+
 def _fit(layer: Layer, left: int, top: int, cell: int) -> Floats:
     """Fit columns and rows from the first ones on to fractions of the cell, (2, 6)."""
     lon, lat = _grid_places(cell, FIT_SIDE - 1)
@@ -174,8 +196,6 @@ def _fit(layer: Layer, left: int, top: int, cell: int) -> Floats:
     known = np.stack([col - left, row - top])
     u, v = np.meshgrid(*[np.linspace(0, 1, FIT_SIDE)] * 2)
     found = np.linalg.lstsq(terms(u.ravel(), v.ravel()).T, known.T, rcond=None)[0].T
-    # A source in longitude and latitude is linear; rounding must not bend it.
-    found[np.abs(found) < 1e-9] = 0.0
     return np.ascontiguousarray(found)
 
 
@@ -267,30 +287,10 @@ def places_of(truth: Truth) -> Places:
     These are the cell's corners, the places where its edges cross lines between posts, and
     the posts inside.
     """
-    rim = np.concatenate([CORNERS, _rim(truth.grid)])
-    flat = truth.uv.reshape(-1, 2)
-    inside = np.flatnonzero(((flat > 1e-9) & (flat < 1 - 1e-9)).all(axis=1))
-    at = snapped(np.concatenate([rim, flat[inside]]))
+    inside = posts_inside(truth.uv)
+    at = snapped(np.concatenate([CORNERS, rim_crossings(truth.grid), inside]))
     points = points_at(truth, at / UV_ONE) + truth.centre
-    (x_u, x_v), (y_u, y_v) = truth.grid[:, 1:3]
-    along = np.linalg.solve(np.array([[x_u, x_v], [y_u, y_v]]), np.ones(2))
-    lean = 1 if along[0] * along[1] < 0 else -1
+    (x_u, x_v), (y_u, y_v) = truth.grid[:, 1:3].tolist()
+    # A step along a diagonal of posts is y_v - x_v to the east and x_u - y_u to the north.
+    lean = 1 if (y_v - x_v) * (x_u - y_u) < 0 else -1
     return Places.of(at, points, lean)
-
-
-def _rim(grid: Floats) -> Floats:
-    """Places on the cell's edges that cross columns, rows or diagonals, (n, 2)."""
-    steps = np.linspace(0.0, 1.0, 65)
-    zero, one = np.zeros_like(steps), np.ones_like(steps)
-    found = []
-    for u, v in ((steps, zero), (steps, one), (zero, steps), (one, steps)):
-        col, row = grid @ terms(u, v)
-        for line in (col, row, col - row):
-            up = line if line[-1] > line[0] else line[::-1]
-            s = steps if line[-1] > line[0] else steps[::-1]
-            if up[-1] - up[0] < 1e-6 or (np.diff(up) <= 0).any():
-                continue
-            crossed = np.arange(np.ceil(up[0]), np.floor(up[-1]) + 1)
-            t = np.interp(crossed, up, s)
-            found.append(np.stack([np.interp(t, steps, u), np.interp(t, steps, v)], axis=1))
-    return np.concatenate(found) if found else np.zeros((0, 2))
