@@ -10,7 +10,6 @@ again, until the cell is within its bound.
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from ingest.boxes import edge_m, edges_rad, window_in
 from ingest.deviation import Gaps
 from ingest.fitting import is_beside_rim, on_rim
 from ingest.mosaic import Mosaic
+from ingest.stored_tile import stored_surface
 from ingest.terrain_mesh import CORNERS, Meshing, Surface, snapped
 from ingest.terrain_plan import Plan
 from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, lattice_of
@@ -66,18 +66,6 @@ class Watched:
     """(t, 2, 2) least and largest u, v of triangles that its stored tile has not; on
     unchanged ground all others are within `error_m`"""
 
-    @classmethod
-    def again(
-        cls, surface: Surface, bound_m: float, stored: Surface, error_m: float
-    ) -> Self:
-        """Begin with what the cell's stored tile says of the triangles that it has, too."""
-        shared = shared_with(surface, stored)
-        if error_m > bound_m or not shared.any():
-            return cls(surface, bound_m)
-        at = surface.uv[surface.triangles[~shared]]
-        boxes = np.stack([at.min(axis=1), at.max(axis=1)], axis=1)
-        return cls(surface, bound_m, error_m, boxes=boxes)
-
     def asks(self, cell: int) -> bool:
         """Say whether an unchanged cell below has to be measured again."""
         if self.boxes is None:
@@ -98,6 +86,24 @@ class Watched:
         self.error_m = max(self.error_m, gaps.largest_m)
         for k in np.flatnonzero((gaps.which == 1) & (gaps.far_m > self.bound_m)).tolist():
             self.misses[k] = Miss(k, float(gaps.far_m[k]), *gaps.uv[k].tolist())
+
+
+def watched(mosaic: Mosaic, surface: Surface, record: NDArray[np.void] | None) -> Watched:
+    """Begin to measure a large cell.
+
+    Parameters
+    ----------
+    record : of its stored tile, which says how far the triangles that it has, too, are off
+    """
+    bound_m = inner_bound_m(surface.cell)
+    if record is None or record["error_m"] > bound_m:
+        return Watched(surface, bound_m)
+    shared = shared_with(surface, stored_surface(mosaic.connection, record))
+    if not shared.any():
+        return Watched(surface, bound_m)
+    at = surface.uv[surface.triangles[~shared]]
+    boxes = np.stack([at.min(axis=1), at.max(axis=1)], axis=1)
+    return Watched(surface, bound_m, float(record["error_m"]), boxes=boxes)
 
 
 def mended(

@@ -20,17 +20,17 @@ def stored_surface(connection: sqlite3.Connection, record: NDArray[np.void]) -> 
     at = tile.mesh.vertices["detail"][:count].astype(np.int64)
     steps = tile.mesh.vertices["position"][:count]
     return Surface(
-        tile.cell,
-        tile.mesh.centre,
-        steps,
-        tile.mesh.scale_m,
-        at,
-        triangles.astype(np.int64),
-        np.zeros((0, 2), np.int64),
-        np.arange(count),
-        np.full(count, np.inf),
-        np.full(triangles.shape, -1),
-        np.ones(len(triangles), np.bool_),
+        cell=tile.cell,
+        centre=tile.mesh.centre,
+        steps=steps,
+        scale_m=tile.mesh.scale_m,
+        at=at,
+        triangles=triangles.astype(np.int64),
+        border=np.zeros((0, 2), np.int64),
+        used=np.arange(count),
+        weight_m=np.full(count, np.inf),
+        across=np.full(triangles.shape, -1),
+        fresh=np.ones(len(triangles), np.bool_),
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.affected import Affected
-from ingest.large_cell import Miss, Watched, mended, meshing_of
+from ingest.large_cell import Miss, Watched, mended, meshing_of, watched
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.rungs import Rung, joined_mesh, laddered, laddered_inner
@@ -118,14 +118,17 @@ class ZoneBuilder:
         self._begin(old)
         depth = int(cells.level(cell))
         above = [int(cells.ancestor(cell, level)) for level in range(depth)]
-        self._above += [self._watched(one) for one in above if not self._stays(one)]
+        self._above += [
+            watched(self._mosaic, self._meshed(one), self._old.get(one))
+            for one in above
+            if not self._stays(one)
+        ]
         top = self._visit(cell, posts=False)
         self._finish(top)
         errors = {one.surface.cell: one.error_m for one in self._above}
         misses = {one.surface.cell: list(one.misses.values()) for one in self._above}
-        return self._bounded(), Part(
-            cell, top.error_m, top.low_m, top.high_m, errors, misses
-        )
+        part = Part(cell, top.error_m, top.low_m, top.high_m, errors, misses)
+        return self._bounded(), part
 
     def _begin(self, old: Mapping[int, NDArray[np.void]]) -> None:
         self._plan = Plan(self._mosaic, self._pictures)
@@ -155,15 +158,6 @@ class ZoneBuilder:
 
     def _mesh_large(self, cell: int) -> Surface:
         return meshing_of(self._mosaic, cell).surface()
-
-    def _watched(self, cell: int) -> Watched:
-        """Begin to measure a cell above the part."""
-        surface, bound_m = self._meshed(cell), inner_bound_m(cell)
-        if cell not in self._old:
-            return Watched(surface, bound_m)
-        record = self._old[cell]
-        stored = stored_surface(self._mosaic.connection, record)
-        return Watched.again(surface, bound_m, stored, float(record["error_m"]))
 
     def _over(self, parts: Mapping[int, Part], cell: int) -> Node:
         """Put a cell above the parts together from what they say about it."""
@@ -200,13 +194,7 @@ class ZoneBuilder:
         for child in cells.children(cell):
             node.children.append(self._visit(int(child), posts=True))
             node.truths += node.children[-1].truths
-        surfaces = [
-            (
-                one.cell,
-                one.surface or stored_surface(self._mosaic.connection, self._old[one.cell]),
-            )
-            for one in node.children
-        ]
+        surfaces = [(one.cell, one.surface or self._stored(one)) for one in node.children]
         places = joined(cell, surfaces, inner_bound_m(cell))
         if self._is_flat(node):
             one = self._leaf(Node(cell, truths=node.truths), places)
@@ -218,6 +206,9 @@ class ZoneBuilder:
         for child in node.children:
             self._finish(child)
         return node
+
+    def _stored(self, node: Node) -> Surface:
+        return stored_surface(self._mosaic.connection, self._old[node.cell])
 
     def _kept(self, cell: int, *, posts: bool) -> Node:
         """Take over a stored subtree; its posts are needed where cells above are new."""
