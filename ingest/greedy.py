@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.delaunay import Ints, Net, insert, turn, write_triangle
+from ingest.peaks import CHUNK, first, raised
 from ingest.upright import sag
 from tiles.frames import Floats
 from tiles.kernels import borrowing, inlined, kernel
@@ -27,15 +28,12 @@ from tiles.mesh import UV_ONE
 
 ALWAYS = 1e12
 """Added to the squared distance of points that must be vertices, m2"""
-CHUNK = 8
-"""Triangles whose largest error is one of the numbers that the worst is chosen from"""
 CORNERS = 4
 """The first points are the square's corners, south-west first, counter-clockwise."""
 MOST_TRIANGLES = 120_000
 """More would have more vertices than 16 bits can name."""
 LONG_WALK = 1000
 """Triangles that a walk crosses before it goes on at random"""
-
 
 Corners = tuple[int, int, int]
 Weights = tuple[int, int, int]
@@ -263,9 +261,9 @@ def refine(net: Net, lists: Lists, count: int, bound: float) -> int:
         half *= 2
     peak = np.full(2 * half, -1.0)
     for chunk in range((count + CHUNK - 1) // CHUNK):
-        _raise(peak, half, worst, chunk)
+        raised(peak, half, worst, chunk)
     while True:
-        t = _first(peak, half, worst)
+        t = first(peak, half, worst)
         p = lists.candidate[t]
         if worst[t] <= bound or p < 0 or count > MOST_TRIANGLES:
             return count
@@ -274,31 +272,4 @@ def refine(net: Net, lists: Lists, count: int, bound: float) -> int:
         assign(net, lists, orphaned(head, after, star, size), star, size, p)
         for n in range(size):
             fresh[star[n]] = unseen[star[n]] = True
-            _raise(peak, half, worst, star[n] // CHUNK)
-
-
-@inlined
-def _raise(peak: Floats, half: int, worst: Floats, chunk: int) -> None:
-    """Tell a tree of largest values, the root at 1, that a chunk has changed."""
-    most = -1.0
-    for t in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(worst))):
-        most = max(most, worst[t])
-    node = half + chunk
-    while node > 0 and peak[node] != most:
-        peak[node] = most
-        most = max(most, peak[node ^ 1])
-        node //= 2
-
-
-@inlined
-def _first(peak: Floats, half: int, worst: Floats) -> int:
-    """Return the first triangle whose value is the tree's largest."""
-    node = 1
-    while node < half:
-        node *= 2
-        if peak[node] != peak[1]:
-            node += 1
-    t = (node - half) * CHUNK
-    while worst[t] != peak[1]:
-        t += 1
-    return t
+            raised(peak, half, worst, star[n] // CHUNK)

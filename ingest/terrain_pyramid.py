@@ -23,13 +23,7 @@ from ingest.rungs import Rung, joined_mesh, laddered, laddered_inner
 from ingest.stored_tile import rounded_up, stored_surface
 from ingest.terrain_mesh import Places, Surface
 from ingest.terrain_plan import Plan
-from ingest.terrain_tile import (
-    LEAF_SIDE,
-    inner_bound_m,
-    joined,
-    painted,
-    step_m,
-)
+from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, joined, painted, step_m
 from ingest.truth import Truth, places_of, truth_of
 from tiles import bounds, cells
 from tiles.codec import checksum
