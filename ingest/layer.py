@@ -50,9 +50,8 @@ class Layer:
         self.is_picture = self._blocks.bands == 3
         self._levels = level_count(self._shape[1], self._shape[0])
         self._polar = self._place.closes
-        is_upright = not (self.is_projected or any(source["transform"][k] for k in (1, 3)))
-        skipped = source.get("posts", {}).get("skipped", {"unknown": 0})
-        self._is_whole = is_upright and not skipped
+        is_turned = self.is_projected or any(source["transform"][k] for k in (1, 3))
+        self._is_whole = not (is_turned or source.get("posts", {}).get("skipped", True))
         """whether there is data wherever the bounding box is"""
         self._pole_means: dict[tuple[int, int], float] = {}
 
