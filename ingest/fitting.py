@@ -61,10 +61,14 @@ def fitted(
     if leaf and not begun and fitting.roughness(bound_m) > NEARLY_ALL:
         fitting.take_all()
     best = fitting.within(bound_m, ROUNDS)
-    if leaf and best[1] > fitting.goal_m(bound_m) + fitting.slack_m:
-        whole = Fitting(cell, places, truths, leaf=leaf)
-        whole.take_all()
-        best = min(best, whole.within(bound_m, ROUNDS), key=_error)
+    enough_m = fitting.goal_m(bound_m) + fitting.slack_m if leaf else bound_m
+    # A mesh that can't be mended may be better begun anew, or with all places.
+    for whole in (False, True) if begun and not leaf else (True,):
+        if best[1] > enough_m:
+            again = Fitting(cell, places, truths, leaf=leaf)
+            if whole:
+                again.take_all()
+            best = min(best, again.within(bound_m, ROUNDS), key=_error)
     return best
 
 
