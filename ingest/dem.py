@@ -69,6 +69,10 @@ def describe(
     transform = tuple(dataset.transform)[:6]
     require_placed(path, dataset, horizontal)
     bounds = _bounds_deg(path, horizontal, dataset)
+    if is_lon_lat(horizontal):
+        turns = _turns(bounds)
+        transform = (*transform[:2], transform[2] - 360 * turns, *transform[3:])
+        bounds = bounds[0] - 360 * turns, bounds[1], bounds[2] - 360 * turns, bounds[3]
     wraps = is_lon_lat(horizontal) and _goes_round(transform, dataset.width)
     if wraps:
         # Few digits of a pixel's size would leave a gap where the ends meet.
@@ -112,6 +116,14 @@ def _require_found(info: RasterInfo) -> None:
     if lost.mean() > MOST_LOST:
         reason = "its CRS has no such places as its georeference gives its posts"
         raise InputError(info.path, reason, "warp it to EPSG:4326 with gdalwarp")
+
+
+def _turns(bounds_deg: tuple[float, float, float, float]) -> int:
+    """Return how often round the globe longitudes are beyond what any raster needs."""
+    middle = (bounds_deg[0] + bounds_deg[2]) / 2
+    return max(math.ceil((middle - 360) / 360), 0) - max(
+        math.ceil((-180 - middle) / 360), 0
+    )
 
 
 def _goes_round(transform: tuple[float, ...], width: int) -> bool:

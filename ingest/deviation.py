@@ -5,9 +5,8 @@ Two piecewise linear surfaces differ most at a vertex of their overlay: at the m
 vertices, at the posts, or where an edge of the mesh crosses a line between posts. All are
 visited. There a leaf's height is compared with the true one. Of an inner cell, the shortest
 distance of the true point from the mesh counts, and where an edge crosses also that of the
-drawn point from the plane of the true triangle . On the rim,
-where neighbours must meet, it is the distance of the two points with the same longitude
-and latitude.
+drawn point from the plane of the true triangle. On the rim, where neighbours must meet, it
+is the distance of the two points with the same longitude and latitude.
 
 Looked at wider, a true point may be near another drawn triangle, and a drawn point near
 another true one: so it is at a pole, and where a triangle passes beneath a cliff.

@@ -76,6 +76,17 @@ def test_a_globe_whose_step_has_few_digits_closes(tmp_path: Path, step: float) -
     assert info.transform[0] * 36 == pytest.approx(360.0, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("west", "found"), [(541, 181), (-401, -41), (-190, 170), (-181, -181), (350, 350)]
+)
+def test_longitudes_are_brought_to_one_turn(
+    tmp_path: Path, west: float, found: float
+) -> None:
+    info = info_of(write(tmp_path / "a.tif", POSTS, north_up(west, 46, 0.1), "EPSG:4326"))
+    assert info.bounds_deg[0] == pytest.approx(found)
+    assert info.transform[2] == pytest.approx(found)
+
+
 def test_a_raster_far_outside_of_its_map_is_refused(tmp_path: Path) -> None:
     where = north_up(9e7, 5e6, 1000.0)
     with pytest.raises(InputError, match=r"no such places.*gdalwarp"):
