@@ -374,7 +374,8 @@ def test_terrain_under_buildings_grounds_them_again(
     )
     with Store(store) as opened:
         (base,) = (one["base_m"] for one in opened.objects([1]))
-    assert base == pytest.approx(500, abs=5)
+    # Walls reach below the coarser cells that they are drawn with, too.
+    assert base == pytest.approx(500, abs=10)
     capsys.readouterr()
 
 
