@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, grown, overlap
-from ingest.feather import followed_m
 from ingest.filled import filled, missed_of
 from ingest.lattice_gap import missed_between
 from ingest.layer import Layer
@@ -223,7 +222,6 @@ def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
         return mosaic.heights(lon, lat, 0.0)
 
     side, most_m = SMOOTH_LATTICE, edge_m(cell) * MOST_MISSED
-    most_m = min(most_m, followed_m(mosaic, cell)[0] / 2)
     lon, lat = _grid_places(cell, side)
     heights = surface(lon.ravel(), lat.ravel()).reshape(lon.shape)
     while True:
