@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from tiles.frames import WGS84_A_M, WGS84_E2, Floats
 from tiles.kernels import inlined
 
-ALL_SIDES = 0b1111
-
 
 @inlined
 def faces(
