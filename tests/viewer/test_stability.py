@@ -60,8 +60,8 @@ def test_a_row_holds(place: Place, row: Row) -> None:
     assert math.isfinite(found.breaks_at) or math.isfinite(found.looked_to)
     assert not found.others < found.ours
     if row.name == "slow storage":
-        # Around this small world's lone inset there is more to read than its row allows
-        # for (0.5 s); on the sample world it holds.
+        # Cells around this small world's lone inset follow its bend (ingest/feather.py):
+        # there is more to read than the row allows for (0.5 s). The sample world holds it.
         assert found.ours <= 1.0
         return
     assert row.verdict(found) == HOLDS, found
