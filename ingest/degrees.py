@@ -10,9 +10,11 @@ import numpy as np
 import pyproj
 import shapely
 
+from ingest.horizontal import GOOD_M, doubt
 from ingest.raw_features import Geometries
 from tiles.errors import InputError
 from tiles.frames import Floats
+from tiles.placement import transformer
 
 _WGS84 = pyproj.CRS.from_epsg(4326)
 _MAX_MERCATOR_M = 20_037_509.0
@@ -61,7 +63,7 @@ class ToDegrees:
         """Turn to EPSG:4326, always longitude first."""
         if self.system.equals(_WGS84, ignore_axis_order=True):
             return geometry
-        turn = pyproj.Transformer.from_crs(self.system, _WGS84, always_xy=True)
+        turn = transformer(self.system, _WGS84)
 
         def turned(xy: Floats) -> Floats:
             return np.column_stack(turn.transform(xy[:, 0], xy[:, 1]))
@@ -88,7 +90,11 @@ class ToDegrees:
         lost = outside_world(turned)[known] | ~np.isfinite(degrees).all(axis=1)
         if 2 * np.count_nonzero(lost) > len(box):
             raise self._refused(box[lost])
-        return [*self._doubts(box, degrees), *self._bbox_doubts(box, bbox)]
+        there = degrees[~lost]
+        (west, south), (east, north) = there[:, :2].min(axis=0), there[:, 2:].max(axis=0)
+        found = doubt(self.path, self.system, (west, south, east, north), GOOD_M)
+        doubts = [*self._doubts(box, degrees), *self._bbox_doubts(box, bbox)]
+        return [*doubts, found] if found else doubts
 
     def _require_right_units(self, box: Floats) -> None:
         if self.system.is_projected and (np.abs(box) <= (360, 90, 360, 90)).all():
@@ -165,7 +171,7 @@ class ToDegrees:
     def _swapped_fits(self, box: Floats) -> bool:
         if self.system.area_of_use is None:
             return False
-        turn = pyproj.Transformer.from_crs(self.system, _WGS84, always_xy=True)
+        turn = transformer(self.system, _WGS84)
         lon, lat = turn.transform(box[:, 1], box[:, 0])
         fits = self._in_area(np.column_stack((lon, lat)))
         return bool(2 * np.count_nonzero(fits) > len(box))

@@ -12,7 +12,7 @@ import rasterio
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
 from tiles.geodesy import to_ecef
-from tiles.placement import Placement, is_lon_lat
+from tiles.placement import Placement, is_lon_lat, transformer
 
 SEAM_POSTS = 0.1
 """By so much a raster that goes round the globe may miss its start"""
@@ -179,7 +179,7 @@ def _bounds_deg(
             edges = ", ".join(f"{edge:g}" for edge in box)
             raise InputError(path, f"reaches beyond the earth ({edges} degrees)", advice)
         return box
-    to_degrees = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
+    to_degrees = transformer(crs, 4326)
     try:
         found = to_degrees.transform_bounds(*box, densify_pts=41)
     except pyproj.exceptions.ProjError:
@@ -215,7 +215,7 @@ def _measured_m(
     """Measure the spacing on the earth, between posts at the raster's middle, m."""
     a, b, c, d, e, f = transform
     col, row = np.array([0, 1, 0]) + shape[1] / 2, np.array([0, 0, 1]) + shape[0] / 2
-    to_degrees = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
+    to_degrees = transformer(crs, 4326)
     lon, lat = to_degrees.transform(a * col + b * row + c, d * col + e * row + f)
     at = to_ecef(np.radians(lon), np.radians(lat), 0.0)
     return float(np.linalg.norm(at[1:] - at[0], axis=1).max())

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import pyproj
 
+from ingest.horizontal import GOOD_M, doubt
 from tiles.errors import InputError
 from tiles.frames import Floats
+from tiles.placement import transformer
 
 _CODE = re.compile(r"epsg(?:\.xml#|[:/]{1,2}(?:[\d.]+[:/]{1,2})?)(\d+)", re.IGNORECASE)
 _GERMAN_UTM = re.compile(r"ETRS89_UTM(3[123])")
@@ -74,10 +76,15 @@ def place_model(
         )
     north_first = flat.axis_info[0].direction in {"north", "south"}
     usual = by_authority and north_first
-    turn = pyproj.Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
+    turn = transformer(flat, pyproj.CRS(4326))
     swapped, notes = _order(path, turn, flat, xy, usual=usual)
     unit_m, unit_notes = _height_unit(path, full, named if crs else None)
-    return Placement(flat, turn, swapped, unit_m, (*notes, *unit_notes))
+    there = np.stack(_degrees(turn, xy, swapped=swapped))
+    there = there[:, np.isfinite(there).all(axis=0)]
+    (west, south), (east, north) = there.min(axis=1), there.max(axis=1)
+    found = doubt(path, flat, (west, south, east, north), GOOD_M)
+    notes = (*notes, *unit_notes, *([found] if found else []))
+    return Placement(flat, turn, swapped, unit_m, notes)
 
 
 def _system(path: Path, text: str) -> pyproj.CRS:

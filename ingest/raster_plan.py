@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyproj
 from rasterio import DatasetReader
 
 from ingest.datum import datum_in, datum_of, unit_m
 from ingest.dem import describe
 from ingest.geoid import ZeroSurface
+from ingest.horizontal import doubt
 from ingest.journal import stamp
 from ingest.names import name_of
 from ingest.raster_open import open_raster
@@ -68,6 +70,8 @@ def plan(path: Path, options: RasterOptions) -> Source:
         if picture != (options.kind == "imagery"):
             raise wrong_kind(path, dataset, is_colour=picture)
         source: Source = asdict(describe(path, dataset, options.crs))
+        place = pyproj.CRS.from_wkt(source["crs"]), source["bounds_deg"]
+        source["doubt"] = doubt(path, *place, source["spacing_m"] / 2)
         if not picture:
             source |= meaning(path, dataset, options)
         source["stamp"] = stamp([str(path), *dataset.files])

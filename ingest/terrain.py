@@ -74,9 +74,11 @@ def ingest_rasters(
         after = list({**named, **new}.values())
         given = zip(planned, files, strict=True)
         own = [new[one["name"]] for one, (_, stated) in given if not stated.is_sample]
-        report = posts_of(own or list(new.values()))
+        own = own or list(new.values())
+        report = posts_of(own)
         paths = {name: [source["path"]] for name, source in new.items()}
-        report["warnings"] = replaced(named, paths)
+        doubts = [source["doubt"] for source in own if source["doubt"]]
+        report["warnings"] = [*replaced(named, paths), *doubts]
         report |= change(journal, after, workers, progress, clock)
         for about in report["sources"]:
             one = new[about["name"]]

@@ -32,6 +32,17 @@ def is_lon_lat(crs: pyproj.CRS) -> bool:
     return flat == WGS84_A_M and not crs.prime_meridian.longitude and degree == "degree"
 
 
+def transformer(one: pyproj.CRS | int, other: pyproj.CRS | int) -> pyproj.Transformer:
+    """Return the best way from one system to another whose grids are installed.
+
+    One that leaves a change of datum out (a ballpark) only where PROJ knows no other.
+    """
+    try:
+        return pyproj.Transformer.from_crs(one, other, always_xy=True, allow_ballpark=False)
+    except pyproj.exceptions.ProjError:
+        return pyproj.Transformer.from_crs(one, other, always_xy=True)
+
+
 class Placement:
     """The posts of one raster on the earth; whole columns and rows are posts."""
 
@@ -50,11 +61,8 @@ class Placement:
         self._project = self._unproject = None
         self.is_projected = not is_lon_lat(crs)
         if self.is_projected:
-            between = pyproj.Transformer.from_crs(4326, crs, always_xy=True)
-            self._project = between.transform
-            self._unproject = pyproj.Transformer.from_crs(
-                crs, 4326, always_xy=True
-            ).transform
+            self._project = transformer(4326, crs).transform
+            self._unproject = transformer(crs, 4326).transform
             self._middle_x = self._origin[0] + self._inverse[0] @ (
                 self._width / 2,
                 int(source["height"]) / 2,
