@@ -97,7 +97,11 @@ def require_usable(path: Path, dataset: rasterio.DatasetReader) -> None:
     if np.dtype(dataset.dtypes[0]).kind == "c":
         raise InputError(path, "holds complex numbers", "give elevations in metres")
     if dataset.driver == "VRT":
-        held = posts_of_parts(path, path, dataset, vrt.MOST_DEEP)
+        held = 0
+        for part in parts_of(path, path, dataset):
+            if part.driver != "VRT":
+                require_small_blocks(path, part)
+                held += part.width * part.height
         require_full(path, dataset, MOST_TIMES * held)
     else:
         require_full(path, dataset, MOST_POSTS_A_BYTE * path.stat().st_size)
@@ -112,10 +116,10 @@ def require_full(path: Path, dataset: rasterio.DatasetReader, most: int) -> None
         raise InputError(path, f"all but empty for its {size}", advice)
 
 
-def posts_of_parts(
-    path: Path, inner: Path, dataset: rasterio.DatasetReader, deep: int
-) -> int:
-    """Return how many posts a VRT is made of.
+def parts_of(
+    path: Path, inner: Path, dataset: rasterio.DatasetReader, deep: int = vrt.MOST_DEEP
+) -> Iterator[rasterio.DatasetReader]:
+    """Open what a VRT is made of, one after the other, and what VRTs in it are made of.
 
     Parameters
     ----------
@@ -125,21 +129,23 @@ def posts_of_parts(
     Raises
     ------
     InputError
-        When a part would be refused by itself, or lies on a network.
+        When a part can't be read, or lies on a network.
     """
-    held = 0
     if not deep:
         raise InputError(path, "a VRT of VRTs of VRTs", "name the innermost ones")
     vrt.refuse_remote(path, inner.read_text(errors="replace"))
     for name in vrt.parts_of(inner, dataset.files):
         vrt.refuse_remote(path, name)
         with quiet_open(name, driver_of(Path(name)), path) as part:
+            yield part
             if part.driver == "VRT":
-                held += posts_of_parts(path, Path(name), part, deep - 1)
-            else:
-                require_small_blocks(path, part)
-                held += part.width * part.height
-    return held
+                yield from parts_of(path, Path(name), part, deep - 1)
+
+
+def files_of(path: Path, dataset: rasterio.DatasetReader) -> list[str]:
+    """Return every file that a raster is read from: of a VRT also what its parts are."""
+    parts = parts_of(path, path, dataset) if dataset.driver == "VRT" else ()
+    return [str(path), *dataset.files, *(name for part in parts for name in part.files)]
 
 
 def require_small_blocks(path: Path, dataset: rasterio.DatasetReader) -> None:

@@ -16,7 +16,7 @@ from ingest.geoid import ZeroSurface
 from ingest.horizontal import doubt
 from ingest.journal import stamp
 from ingest.names import name_of
-from ingest.raster_open import open_raster
+from ingest.raster_open import files_of, open_raster
 from tiles.errors import InputError
 
 RGB = 3
@@ -74,7 +74,7 @@ def plan(path: Path, options: RasterOptions) -> Source:
         source["doubt"] = doubt(path, *place, source["spacing_m"] / 2)
         if not picture:
             source |= meaning(path, dataset, options)
-        source["stamp"] = stamp([str(path), *dataset.files])
+        source["stamp"] = stamp(files_of(path, dataset))
     name = options.name or name_of(path)
     return {**source, "name": name, "kind": options.kind}
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Awkward rasters: each is handled right, or refused in one line before it is read."""
 
+import os
 import re
 import resource
 import time
@@ -411,6 +412,20 @@ def test_a_vrt_is_another_when_one_of_its_files_is(tmp_path: Path) -> None:
     part = tmp_path / "part1.tif"
     part.write_bytes(part.read_bytes() + b"\0")
     assert plan(path, EGM96)["stamp"] != before
+
+
+@pytest.mark.parametrize("deep", [1, 2])
+def test_a_vrt_is_known_by_all_that_it_is_made_of(deep: int, tmp_path: Path) -> None:
+    """Also by what the VRTs in it name, which GDAL does not list."""
+    path = vrt(tmp_path / "0.vrt")
+    for k in range(deep):
+        path = made_of(path, tmp_path / f"{k + 1}.vrt")
+    stamps = {plan(path, EGM96)["stamp"]}
+    for part in ("part0.tif", "part1.tif", "0.vrt"):
+        os.utime(tmp_path / part, ns=(1, 1))
+        stamps.add(plan(path, EGM96)["stamp"])
+    assert len(stamps) == 4
+    assert plan(path, EGM96)["stamp"] in stamps
 
 
 def test_a_datum_that_is_stated_or_found_is_told_apart(tmp_path: Path) -> None:
