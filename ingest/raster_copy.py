@@ -9,6 +9,7 @@ import secrets
 import sqlite3
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from tiles.raster_blocks import BLOCK, Blocks, level_count, level_shape
 LOWEST_M, HIGHEST_M = -12000.0, 9500.0
 """Elevations beyond these are no data, whatever the file says."""
 FILLER, DEEP_M = -9999.0, -9000.0
-"""No data where the file does not say so, unless its neighbours are as deep as that."""
+"""No data where the file does not say so, unless somewhere in it posts are as deep."""
 CHUNK_COLS = 16 * BLOCK
 CHECKED = {int(zstd.CompressionParameter.checksum_flag): 1}
 REASONS = (
@@ -144,12 +145,32 @@ def _reader(dataset: rasterio.DatasetReader, planned: dict[str, Any]) -> Read:
         return colours
     zero = ZeroSurface({"spacing_m": 1.0, **planned, **_size(dataset)})
     unit_m = float(planned.get("unit_m", 1.0))
+    scale, offset = dataset.scales[0] * unit_m, dataset.offsets[0] * unit_m
+    is_deep = cache(lambda: _is_deep(dataset, scale, offset))
 
     def heights(chunk: Chunk) -> tuple[NDArray[np.generic], NDArray[np.int64]]:
+        stored, mask = _posts(dataset, chunk)
+        # Judged by the whole file, but only where it matters: all is read for it.
+        meant = ((stored == FILLER) & (mask != 0)).any() and is_deep()
+        filler = np.nan if meant else FILLER
         zero_m = zero.at(chunk.top, chunk.left, chunk.rows, chunk.cols)
-        return _posts(dataset, _window(chunk), unit_m, zero_m)
+        counts = _NONE.copy()
+        return _heights(stored, mask, zero_m, scale, offset, filler, counts), counts
 
     return heights
+
+
+def _is_deep(dataset: rasterio.DatasetReader, scale: float, offset: float) -> bool:
+    """Say whether a raster holds posts about as deep as the number for no data."""
+    for chunk in chunks_of(dataset.width, dataset.height):
+        if chunk.level:
+            break
+        stored, mask = _posts(dataset, chunk)
+        metres = stored * scale + offset
+        near = (metres > LOWEST_M) & (metres < DEEP_M) & (stored != FILLER) & (mask != 0)
+        if near.any():
+            return True
+    return False
 
 
 def _size(dataset: rasterio.DatasetReader) -> dict[str, int]:
@@ -161,14 +182,12 @@ def _window(chunk: Chunk) -> Window:
 
 
 def _posts(
-    dataset: rasterio.DatasetReader, window: Window, unit_m: float, zero_m: Floats
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Read elevations as heights above the ellipsoid, (rows, cols), and count them."""
+    dataset: rasterio.DatasetReader, chunk: Chunk
+) -> tuple[Floats, NDArray[np.uint8]]:
+    """Read a chunk of the finest level as it is stored, and what is known of it."""
+    window = _window(chunk)
     stored = dataset.read(1, window=window).astype(np.float64)
-    mask = dataset.read_masks(1, window=window)
-    counts = _NONE.copy()
-    scale, offset = dataset.scales[0] * unit_m, dataset.offsets[0] * unit_m
-    return _heights(stored, mask, zero_m, scale, offset, counts), counts
+    return stored, dataset.read_masks(1, window=window)
 
 
 @kernel
@@ -178,14 +197,16 @@ def _heights(
     zero_m: Floats,
     scale: float,
     offset: float,
+    filler: float,
     counts: NDArray[np.int64],
 ) -> NDArray[np.float32]:
+    """Turn elevations to heights above the ellipsoid, (rows, cols), and count them.
+
+    Parameters
+    ----------
+    filler : stands for no data though the file does not say so; NaN for none
+    """
     out = np.empty(stored.shape, np.float32)
-    deep = False
-    for i in range(stored.shape[0]):
-        for j in range(stored.shape[1]):
-            metres = stored[i, j] * scale + offset
-            deep = deep or (stored[i, j] != FILLER and LOWEST_M < metres < DEEP_M)
     for i in range(stored.shape[0]):
         for j in range(stored.shape[1]):
             value = stored[i, j]
@@ -195,7 +216,7 @@ def _heights(
             why = 0
             if mask[i, j] == 0 or np.isnan(value):
                 why = 1
-            elif (value == FILLER and not deep) or (not known and _is_filler(value)):
+            elif value == filler or (not known and _is_filler(value)):
                 why = 2
             elif not known:
                 why = 3

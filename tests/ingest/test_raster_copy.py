@@ -20,7 +20,7 @@ from ingest.raster_open import open_raster
 from ingest.raster_plan import RasterOptions, plan
 from tests.ingest.rasters import geoid_m, hills, north_up, write
 from tiles.errors import InputError
-from tiles.raster_blocks import Blocks, level_count, level_shape
+from tiles.raster_blocks import BLOCK, Blocks, level_count, level_shape
 from tiles.writer import Writer
 
 WHERE = north_up(0, 1, 1e-4)
@@ -140,6 +140,20 @@ def test_in_a_trench_9999_metres_of_depth_are_a_depth(tmp_path: Path) -> None:
     assert (posts == -9999).sum() == 1
     connection, held = copied(tmp_path, posts)
     assert held.stored == posts.size
+    connection.close()
+
+
+@pytest.mark.parametrize("deep", [True, False])
+def test_whether_9999_is_a_depth_is_judged_by_the_whole_file(
+    tmp_path: Path, *, deep: bool
+) -> None:
+    """Also where the trench is in another part than is read at once."""
+    posts = np.full((3 * BLOCK, 40), -50.0, np.float32)
+    posts[10, ::2] = posts[-10, ::2] = -9999.0
+    posts[BLOCK + 10] = -10_000.0 if deep else -8000.0
+    posts[20, 3] = -9500.0  # declared: no depth
+    connection, held = copied(tmp_path, posts, -9500.0)
+    assert held.stored == posts.size - 1 - (0 if deep else 40)
     connection.close()
 
 
