@@ -57,6 +57,7 @@ def describe(
     InputError
         Without a CRS or georeference.
     """
+    refuse_points(path, dataset)
     wkt = crs or (dataset.crs.to_wkt() if dataset.crs else None)
     if wkt is None:
         raise InputError(
@@ -147,11 +148,7 @@ def require_placed(
     """
     a, b, _, d, e, _ = transform = tuple(dataset.transform)[:6]
     if dataset.transform.is_identity:
-        reason, advice = "has no georeference", PLACED
-        if dataset.gcps[0] or dataset.rpcs:
-            advice = "warp it to its control points with gdalwarp"
-            raise InputError(path, reason, advice)
-        raise InputError(path, reason, advice)
+        raise InputError(path, "has no georeference", PLACED)
     if not np.isfinite(transform).all() or abs(a * e - b * d) < 1e-30:
         reason = "has a georeference that spans no area"
         raise InputError(path, reason, PLACED)
@@ -161,6 +158,27 @@ def require_placed(
     if not (crs.is_geographic or crs.is_projected):
         advice = "name another with --crs, for example --crs EPSG:4326"
         raise InputError(path, f"its CRS ({crs.name[:60]}) is no map's", advice)
+
+
+def refuse_points(path: str | Path, dataset: rasterio.DatasetReader) -> None:
+    """Refuse a raster that only single points place, with what makes a map of it.
+
+    Raises
+    ------
+    InputError
+    """
+    ways = {
+        "ground control points": ("", dataset.gcps[0]),
+        "a camera's coefficients (RPC)": ("-rpc ", dataset.rpcs),
+        "a list of the places of its posts": ("-geoloc ", dataset.tags(ns="GEOLOCATION")),
+    }
+    for what, (option, found) in ways.items():
+        if found and dataset.transform.is_identity:
+            made = (
+                f"gdalwarp {option}-r bilinear -t_srs EPSG:4326 {Path(path).name} new.tif"
+            )
+            advice = f"warp it with `{made}` and ingest that"
+            raise InputError(path, f"has no georeference but {what}", advice)
 
 
 def _bounds_deg(

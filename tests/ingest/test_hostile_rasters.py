@@ -197,6 +197,21 @@ def control_points(path: Path) -> Path:
     return path
 
 
+def camera(path: Path) -> Path:
+    write(path, POSTS, None, None)
+    numbers = dict.fromkeys(("height_off", "lat_off", "line_off", "long_off"), 1.0)
+    numbers |= dict.fromkeys(("height_scale", "lat_scale", "line_scale"), 1.0)
+    numbers |= dict.fromkeys(("long_scale", "samp_off", "samp_scale"), 1.0)
+    rows = {f"{one}_coeff": [1.0] * 20 for one in ("line_num", "line_den")}
+    rows |= {f"{one}_coeff": [1.0] * 20 for one in ("samp_num", "samp_den")}
+    with catch_warnings():
+        simplefilter("ignore", NotGeoreferencedWarning)
+        out = rasterio.open(path, "r+")
+    with out:
+        out.rpcs = rasterio.rpc.RPC(**numbers, **rows)
+    return path
+
+
 def kelvin(path: Path) -> Path:
     write(path, POSTS, WHERE, "EPSG:4326")
     with rasterio.open(path, "r+") as out:
@@ -276,7 +291,8 @@ def made_of(inner: Path, path: Path) -> Path:
         (metres_as_degrees, "reaches beyond the earth .* degrees.*; .* --crs"),
         (off_the_map, "reaches beyond its map projection"),
         (no_map, "is no map's; .*--crs"),
-        (control_points, "has no (CRS|georeference); .*(gdalwarp|--crs)"),
+        (control_points, "but ground control points; warp it with `gdalwarp -r .*a.tif"),
+        (camera, "but a camera's coefficients .RPC.; warp it with `gdalwarp -rpc "),
         (kelvin, "unknown unit 'K'; .*-units m"),
         (bomb, "has blocks of 1525 MiB; .*TILED"),
         (all_but_empty, "all but empty for its 400000 x 200000 posts; .*-projwin"),
