@@ -2,13 +2,14 @@
 """Where a raster lies on the earth; what can't be placed is refused in one line."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pyproj
 import rasterio
 
+from ingest.map_edge import MOST_STEPS, bounds_beyond, known_places, reaches_beyond
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
 from tiles.geodesy import to_ecef
@@ -16,9 +17,8 @@ from tiles.placement import Placement, is_lon_lat, transformer
 
 SEAM_POSTS = 0.1
 """By so much a raster that goes round the globe may miss its start"""
-LOST_POSTS, MOST_LOST = 0.1, 0.75
-"""A post that is looked for at its place must be found so near; but on a map of the whole
-globe up to such a share, near the corners, lies beyond its edge."""
+MOST_LOST = 0.75
+"""On a map of the whole globe as much, near the corners, may lie beyond its edge."""
 PLACED = "write one with gdal_translate -a_ullr, or a world file beside it"
 
 
@@ -41,6 +41,8 @@ class RasterInfo:
     """Distance of neighbouring posts at the middle of the raster"""
     wraps: bool
     """Its columns go round the whole globe"""
+    is_beyond: bool = False
+    """It reaches beyond the edge of its map: posts there have no place"""
 
 
 def describe(
@@ -90,33 +92,33 @@ def describe(
         _spacing_m(horizontal, transform, (dataset.height, dataset.width), bounds),
         wraps,
     )
-    _require_found(info)
-    return info
+    return _found(info)
 
 
-def _require_found(info: RasterInfo) -> None:
-    """Refuse a raster most of whose posts are not found again where they are said to be.
+def _found(info: RasterInfo) -> RasterInfo:
+    """Look for posts where they are said to be, and for the edge of the map.
 
     Raises
     ------
     InputError
+        When most are not there, or the map ends inside the raster's bounds.
     """
-    place = Placement(asdict(info))
-    col, row = (
-        one.ravel()
-        for one in np.meshgrid(
-            *(np.linspace(0, n - 1, 5) for n in (info.width, info.height))
-        )
-    )
-    there = place.places(col, row)
-    known = np.isfinite(there).all(axis=0)
-    found = place.pixels(there[0][known], there[1][known])
-    off = np.abs(np.subtract(found, (col[known], row[known])))
-    off[0] = np.minimum(off[0], np.abs(off[0] - info.width * info.wraps))
-    lost = ~(off < LOST_POSTS).all(axis=0)
-    if lost.mean() > MOST_LOST:
+    place, shape = Placement(asdict(info)), (info.height, info.width)
+    col, row = np.meshgrid(*(np.linspace(0, n - 1, 5) for n in shape[::-1]))
+    columns = info.width * info.wraps
+    lon, _ = known_places(place, col.ravel(), row.ravel(), columns)
+    advice = "warp it to EPSG:4326 with gdalwarp"
+    if np.isnan(lon).mean() > MOST_LOST:
         reason = "its CRS has no such places as its georeference gives its posts"
-        raise InputError(info.path, reason, "warp it to EPSG:4326 with gdalwarp")
+        raise InputError(info.path, reason, advice)
+    if not place.is_projected or not reaches_beyond(place, shape):
+        return info
+    info = replace(info, bounds_deg=bounds_beyond(place, shape), is_beyond=True)
+    west, south, east, north = np.radians(info.bounds_deg)
+    around = np.meshgrid(np.linspace(west, east, 33), np.linspace(south, north, 33))
+    if not np.isfinite(place.pixels(*(one.ravel() for one in around))).all():
+        raise InputError(info.path, "the edge of its map crosses it", advice)
+    return info
 
 
 def _turns(bounds_deg: tuple[float, float, float, float]) -> int:
@@ -199,7 +201,9 @@ def _bounds_deg(
         return box
     to_degrees = transformer(crs, 4326)
     try:
-        found = to_degrees.transform_bounds(*box, densify_pts=41)
+        # Parallels are curved: between few places along a side they reach further.
+        most = min(max(dataset.width, dataset.height), MOST_STEPS)
+        found = to_degrees.transform_bounds(*box, densify_pts=most)
     except pyproj.exceptions.ProjError:
         found = (np.inf,) * 4
     if not np.isfinite(found).all():

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ingest.datum import undulation_m
+from ingest.map_edge import known_places
 from tiles.frames import Floats
 from tiles.kernels import inlined, kernel
 from tiles.placement import Placement
@@ -24,6 +25,7 @@ class ZeroSurface:
         """Take a source as it is planned: where the posts are, and `datum`."""
         self.datum = str(planned["datum"])
         self._place = Placement(planned)
+        self._is_beyond = bool(planned.get("is_beyond"))
         self._shape = (int(planned["height"]), int(planned["width"]))
         stride = int(STRIDE_M / max(float(planned["spacing_m"]), 1e-3))
         self._stride = (
@@ -31,18 +33,25 @@ class ZeroSurface:
         )
 
     def at(self, top: int, left: int, rows: int, cols: int) -> Floats:
-        """Return the heights at a window's posts, (rows, cols) m."""
-        if self.datum == "ellipsoid":
+        """Return the heights at a window's posts, (rows, cols) m.
+
+        NaN beyond the datum's grid, infinite beyond the edge of the raster's map.
+        """
+        if self.datum == "ellipsoid" and not self._is_beyond:
             return np.zeros((rows, cols))
         lon, lat = self._places(top, left, rows, cols)
-        return undulation_m(self.datum, lon, lat)
+        there = np.isfinite(lon)
+        zero_m = undulation_m(self.datum, *(np.where(there, a, 0.0) for a in (lon, lat)))
+        return np.where(there, zero_m, np.inf)
 
     def extent_m(self, datum: str) -> tuple[float, float]:
         """Return the least and the largest height of a datum's zero over the raster."""
         height, width = self._shape
         rows, cols = (np.linspace(0, n - 1, min(n, SAMPLES)) for n in (height, width))
         col, row = np.meshgrid(cols, rows)
-        zero_m = undulation_m(datum, *self._place.places(col.ravel(), row.ravel()))
+        lon, lat = known_places(self._place, col.ravel(), row.ravel(), width)
+        there = np.isfinite(lon)
+        zero_m = undulation_m(datum, lon[there], lat[there])
         known = zero_m[np.isfinite(zero_m)]
         return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
 
@@ -52,7 +61,8 @@ class ZeroSurface:
         row = top + step * np.arange(-(-(rows - 1) // step) + 1.0 + (step > 1))
         col = left + step * np.arange(-(-(cols - 1) // step) + 1.0 + (step > 1))
         c, r = np.meshgrid(col, row)
-        lon, lat = (a.reshape(c.shape) for a in self._place.places(c.ravel(), r.ravel()))
+        where = known_places if self._is_beyond else Placement.places
+        lon, lat = (a.reshape(c.shape) for a in where(self._place, c.ravel(), r.ravel()))
         return (lon, lat) if step == 1 else _between(lon, lat, step, rows, cols)
 
 

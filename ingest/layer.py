@@ -87,18 +87,18 @@ class Layer:
                 found[at] += part * (self._pole_mean(level, edge) - found[at])
         return found
 
+    @np.errstate(invalid="ignore")  # beyond the edge of a map there is no place
     def _sag_m(self, col: Floats, row: Floats) -> Floats:
         """Return how far flat triangles lie below what is interpolated along the earth.
 
         Of a square's corners the mean squared distance, weighted as their heights are, is
         a sum over the axes, whichever way the square is cut.
         """
-        left, top = np.floor(col), np.floor(row)
+        (left, x), (top, y) = (np.divmod(one, 1.0) for one in (col, row))
         corner, east, south = (
-            to_ecef(*self.places(left + x, top + y), 0.0)
-            for x, y in ((0, 0), (1, 0), (0, 1))
+            to_ecef(*self.places(left + c, top + r), 0.0)
+            for c, r in ((0, 0), (1, 0), (0, 1))
         )
-        x, y = col - left, row - top
         squared = x * (1 - x) * ((east - corner) ** 2).sum(axis=-1)
         squared += y * (1 - y) * ((south - corner) ** 2).sum(axis=-1)
         return np.asarray(squared / (2 * WGS84_B_M))

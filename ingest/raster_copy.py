@@ -37,6 +37,7 @@ REASONS = (
     "no data, not declared",
     "not an elevation",
     "beyond the datum's grid",
+    "beyond the edge of its map",
 )
 
 
@@ -221,7 +222,7 @@ def _heights(
             elif not known:
                 why = 3
             elif not np.isfinite(height):
-                why = 4
+                why = 5 if np.isinf(zero_m[i, j]) else 4
             counts[why] += 1
             out[i, j] = height if why == 0 else np.nan
     return out

@@ -128,6 +128,7 @@ def test_every_post_is_counted_by_what_it_is(tmp_path: Path) -> None:
         "no data, not declared": 10,
         "not an elevation": 7,
         "beyond the datum's grid": 0,
+        "beyond the edge of its map": 0,
     }
     assert held.stored == 600 - 26
     block = Blocks(connection, held.blocks, (20, 30)).window(0, 0, 20, 0, 30)
