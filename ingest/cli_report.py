@@ -46,6 +46,8 @@ def about(source: str | dict[str, Any]) -> str:
     met = []
     if reach_m := source.get("reach_m"):
         met = [f"meets {source['meets'] or 'sea level'} over {reach_m / 1000:.3g} km"]
+    if missed_m := source.get("missed_m"):
+        met += [f"1 in 100 places along its long edge is missed by over {missed_m:.2g} m"]
     parts = [source.get("datum_here", "a picture"), place, *met, *skipped]
     return f"{source['name']}: {'; '.join(parts)}"
 

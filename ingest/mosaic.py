@@ -21,6 +21,7 @@ from ingest.boxes import meet
 from ingest.datum import undulation_m
 from ingest.layer import Layer
 from ingest.rim import Rim
+from ingest.rim_lines import missed_m, rim_lines
 from ingest.source_group import FREE_POSTS, SourceGroup, grouped
 from tiles.frames import Floats
 from tiles.raster_blocks import BlockCache
@@ -116,9 +117,16 @@ class Mosaic:
 
     def reach_m(self, layer: Layer) -> float:
         """Return how far outside its own posts a source changes the surface."""
+        return max((rim.feather_m for rim in self._rims(layer)), default=0.0)
+
+    def missed_m(self, layer: Layer) -> float:
+        """Return how far from its own edges the surface ends that meets a source."""
+        return max((rim.missed_m for rim in self._rims(layer)), default=0.0)
+
+    def _rims(self, layer: Layer) -> list[Rim]:
         group = next(one for one in self.groups if layer in one.layers)
         rims = group.outer, group.inner[group.layers.index(layer)]
-        return max((rim.feather_m for rim in rims if rim), default=0.0)
+        return [rim for rim in rims if rim]
 
     def meets(self, layer: Layer) -> str:
         """Return the source that bends to meet one; empty where it is the sea level."""
@@ -141,8 +149,12 @@ class Mosaic:
             sea = undulation_m("egm96", lon_rad, lat_rad)
             return self._fold(lon_rad, lat_rad, 0.0, count, sea)
 
-        ends, delta_m = group.outer_lines(coarse)
+        parts = group.outer_parts()
+        ends, delta_m, stride = rim_lines(parts, coarse)
         if not len(ends):
             return None
         feather_m = min(touched, default=FREE_POSTS * spacing_m)
-        return Rim.of(ends, delta_m, feather_m, spacing_m)
+        rim = Rim.of(ends, delta_m, feather_m, spacing_m)
+        if stride > 1:
+            rim.missed_m = missed_m(rim, parts, coarse)
+        return rim

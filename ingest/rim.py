@@ -44,6 +44,8 @@ class Rim:
         self.feather_m, self.spacing_m = feather_m, spacing_m
         self.lines, self.balls, self.below = lines, balls, below
         """as in `rim_kernels`"""
+        self.missed_m = 0.0
+        """how far from most of the source's edges the bent surface ends, if it does"""
         self._folder: str | None = None
 
     @classmethod

@@ -18,7 +18,7 @@ from ingest.boxes import Box, grown, meet
 from ingest.layer import Layer
 from ingest.rim import Rim
 from ingest.rim_kernels import REACH
-from ingest.rim_lines import MOST_LINES, rim_lines
+from ingest.rim_lines import Parts, missed_m, rim_lines
 from tiles.frames import Floats
 
 ALIKE = 1.25
@@ -85,13 +85,16 @@ class SourceGroup:
         def covers(lon_rad: Floats, lat_rad: Floats) -> NDArray[np.bool_]:
             return _covered(earlier, lon_rad, lat_rad)
 
-        ends, delta_m = rim_lines(layer, under, covers)
+        ends, delta_m, stride = rim_lines([(layer, covers)], under)
         if not np.abs(delta_m).max(initial=0.0):
             return None
-        return Rim.of(ends, delta_m, layer.spacing_m, layer.spacing_m)
+        rim = Rim.of(ends, delta_m, layer.spacing_m, layer.spacing_m)
+        if stride > 1:
+            rim.missed_m = missed_m(rim, [(layer, covers)], under)
+        return rim
 
-    def outer_lines(self, coarse: Coarse) -> tuple[Floats, NDArray[np.float32]]:
-        """Return the group's lines towards coarser sources, as `rim_lines` does."""
+    def outer_parts(self) -> Parts:
+        """Return the layers, each with those of its edges that no other one covers."""
         found = []
         for layer in self.layers:
             others = [one for one in self.layers if one is not layer]
@@ -102,10 +105,8 @@ class SourceGroup:
             ) -> NDArray[np.bool_]:
                 return ~_covered(others, lon_rad, lat_rad)
 
-            most = MOST_LINES // len(self.layers)
-            found.append(rim_lines(layer, coarse, free, most))
-        ends, deltas = zip(*found, strict=True)
-        return np.concatenate(ends), np.concatenate(deltas)
+            found.append((layer, free))
+        return found
 
 
 def grouped(layers: list[Layer]) -> list[SourceGroup]:

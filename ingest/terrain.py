@@ -26,6 +26,7 @@ ADVICES = {
     "not an elevation": "check its unit: heights are from -12,000 to 9,500 m",
     "beyond the datum's grid": "state another with --datum",
 }
+MEETING = "reach_m", "meets", "missed_m"
 __all__ = [
     "RasterOptions",
     "copy",
@@ -82,7 +83,7 @@ def ingest_rasters(
         report |= change(journal, after, workers, progress, clock)
         for about in report["sources"]:
             one = new[about["name"]]
-            about |= {key: one[key] for key in ("reach_m", "meets") if key in one}
+            about |= {key: one[key] for key in MEETING if key in one}
         report |= clock.report(report["read"])
         if writer.object_count():
             # Buildings stand on the old terrain still: who comes back, goes on there.
@@ -170,6 +171,7 @@ def change(
     for layer in mosaic.layers:
         source = next(one for one in after if one["name"] == layer.name)
         source["reach_m"], source["meets"] = mosaic.reach_m(layer), mosaic.meets(layer)
+        source["missed_m"] = mosaic.missed_m(layer)
     changed = change_of(before, after, mosaic)
     recipe = Recipe(str(writer.path), after, mosaic.rims, changed)
     clock.lap("rims")

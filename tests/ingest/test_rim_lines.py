@@ -2,12 +2,15 @@
 """A source's rim is every edge of its triangles that is not between two of them."""
 
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ingest.rim_lines import LONE, halved, rim_edges, rim_lines
-from tests.ingest.rasters import Floats, north_up
+from ingest.cli_report import about
+from ingest.rim import Rim
+from ingest.rim_lines import LONE, halved, missed_m, rim_edges, rim_lines
+from tests.ingest.rasters import EGM96, Floats, coarse, hills, inset, mosaic_of, north_up
 from tests.ingest.test_layer import (
     Opener,
     opened,  # noqa: F401  (a fixture)
@@ -88,11 +91,61 @@ def test_lines_are_halved_where_the_coarser_surface_has_a_fold(
     np.testing.assert_allclose(linear, -roof(*layer.places(*place.T)), atol=0.2)
 
 
-def test_an_endless_rim_is_thinned(opened: Opener) -> None:  # noqa: F811
-    posts = np.where(np.indices((200, 200)).sum(axis=0) % 3, 5.0, np.nan)
+def test_what_the_thinning_of_an_endless_rim_costs_is_known(
+    opened: Opener,  # noqa: F811
+) -> None:
+    """As far as the bent surface ends from the source at 99 of 100 edges' middles."""
+    posts = np.where(
+        np.indices((200, 200)).sum(axis=0) % 3, hills((200, 200), 1, 50), np.nan
+    )
     layer = opened(posts.astype(np.float32), north_up(11, 46, 0.001), "EPSG:4326")
     flat = lambda lon, lat: np.zeros(len(lon))  # noqa: E731
-    ends, _ = rim_lines(layer, flat)
-    fewer, delta = rim_lines(layer, flat, most=len(ends) // 3)
-    assert len(ends) // 8 < len(fewer) <= len(ends) // 3
+    parts = [(layer, None)]
+    ends, delta, stride = rim_lines(parts, flat)
+    assert stride == 1
+    rim = Rim.of(ends, delta, 1000.0, 100.0)
+    assert missed_m(rim, parts, flat) < 1e-3
+    fewer, delta, stride = rim_lines(parts, flat, most=len(ends) // 3)
+    assert stride == 4
     assert len(delta) == len(fewer)
+    assert len(ends) // 8 < len(fewer) <= len(ends) // 3
+    rim = Rim.of(fewer, delta, 1000.0, 100.0)
+    off = [
+        np.abs(rim.deltas(*layer.places(*at.mean(axis=1).T))[0] - height.mean(axis=1))
+        for at, height in rim_edges(layer)
+    ]
+    truth_m = np.percentile(np.concatenate(off), 99)
+    assert truth_m > 1.0
+    assert missed_m(rim, parts, flat) == pytest.approx(truth_m, rel=0.25)
+
+
+def test_of_many_sources_none_is_thinned_before_all_are_too_long(
+    opened: Opener,  # noqa: F811
+) -> None:
+    """A ragged one may take what smooth ones leave."""
+    flat = lambda lon, lat: np.zeros(len(lon))  # noqa: E731
+    ragged = np.where(np.indices((60, 60)).sum(axis=0) % 3, 5.0, np.nan)
+    layer = opened(ragged.astype(np.float32), north_up(11, 46, 0.001), "EPSG:4326")
+    none = lambda lon, lat: np.zeros(len(lon), np.bool_)  # noqa: E731
+    whole, _, _ = rim_lines([(layer, None)], flat)
+    parts = [(layer, None), *[(layer, none)] * 9]
+    together, _, stride = rim_lines(parts, flat, most=len(whole))
+    assert stride == 1
+    assert len(together) == len(whole)
+
+
+def test_a_thinned_rim_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = [(coarse(tmp_path / "a.tif"), EGM96), (inset(tmp_path / "b.tif"), EGM96)]
+    missed = []
+    for most in (1000, 40):
+        monkeypatch.setattr(rim_lines, "__defaults__", (most,))
+        mosaic, connection = mosaic_of(tmp_path / f"{most}.geopage", files)
+        connection.close()
+        missed.append([mosaic.missed_m(layer) for layer in mosaic.layers])
+    assert missed[0] == [0.0, 0.0]
+    assert missed[1][0] > 1.0
+    assert missed[1][1] > 1.0
+    source = {"name": "b", "bounds_deg": (11, 46, 12, 47), "spacing_m": 200.0}
+    source |= {"skipped": {}, "reach_m": 2000.0, "meets": "a", "missed_m": missed[1][1]}
+    assert f"is missed by over {missed[1][1]:.2g} m" in about(source)
+    assert "missed" not in about({**source, "missed_m": 0.0})
