@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """From elevations above a geoid to heights above the ellipsoid."""
 
-import warnings
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pyproj
 import rasterio
-from pyproj.transformer import AreaOfInterest, TransformerGroup
+from pyproj.transformer import TransformerGroup
 from rasterio.errors import RasterioError
 
 from tiles.errors import InputError
 from tiles.frames import Floats
 from tiles.kernels import kernel
+from tiles.placement import ways_between
 from tiles.samples import SAMPLES
 
 GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
@@ -167,19 +167,6 @@ def ways_of(datum: str) -> tuple[pyproj.Transformer, ...]:
 def _group(vertical: pyproj.CRS | None) -> TransformerGroup:
     both = pyproj.crs.CompoundCRS("heights", [pyproj.CRS(4326), vertical])
     return ways_between(both, pyproj.CRS(4979))
-
-
-def ways_between(
-    one: pyproj.CRS, other: pyproj.CRS, area: AreaOfInterest | None = None
-) -> TransformerGroup:
-    """Return PROJ's ways, those whose grids are installed and the others."""
-    with warnings.catch_warnings():
-        # That a better grid could be installed; without any, we refuse.
-        warnings.simplefilter("ignore", UserWarning)
-        # Without this, PROJ passes heights through unchanged where a grid is missing.
-        return TransformerGroup(
-            one, other, always_xy=True, area_of_interest=area, allow_ballpark=False
-        )
 
 
 def _missing_grid(vertical: pyproj.CRS) -> str | None:

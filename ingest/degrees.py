@@ -14,7 +14,6 @@ from ingest.horizontal import GOOD_M, doubt
 from ingest.raw_features import Geometries
 from tiles.errors import InputError
 from tiles.frames import Floats
-from tiles.placement import transformer
 
 _WGS84 = pyproj.CRS.from_epsg(4326)
 _MAX_MERCATOR_M = 20_037_509.0
@@ -63,7 +62,7 @@ class ToDegrees:
         """Turn to EPSG:4326, always longitude first."""
         if self.system.equals(_WGS84, ignore_axis_order=True):
             return geometry
-        turn = transformer(self.system, _WGS84)
+        turn = pyproj.Transformer.from_crs(self.system, _WGS84, always_xy=True)
 
         def turned(xy: Floats) -> Floats:
             return np.column_stack(turn.transform(xy[:, 0], xy[:, 1]))
@@ -171,7 +170,7 @@ class ToDegrees:
     def _swapped_fits(self, box: Floats) -> bool:
         if self.system.area_of_use is None:
             return False
-        turn = transformer(self.system, _WGS84)
+        turn = pyproj.Transformer.from_crs(self.system, _WGS84, always_xy=True)
         lon, lat = turn.transform(box[:, 1], box[:, 0])
         fits = self._in_area(np.column_stack((lon, lat)))
         return bool(2 * np.count_nonzero(fits) > len(box))

@@ -13,7 +13,7 @@ from ingest.map_edge import MOST_STEPS, bounds_beyond, known_places, reaches_bey
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
 from tiles.geodesy import to_ecef
-from tiles.placement import Placement, is_lon_lat, transformer
+from tiles.placement import Box, Placement, is_lon_lat, way_to_degrees
 
 SEAM_POSTS = 0.1
 """By so much a raster that goes round the globe may miss its start"""
@@ -199,16 +199,20 @@ def _bounds_deg(
             edges = ", ".join(f"{edge:g}" for edge in box)
             raise InputError(path, f"reaches beyond the earth ({edges} degrees)", advice)
         return box
-    to_degrees = transformer(crs, 4326)
     try:
+        roughly = _bounds_by(pyproj.Transformer.from_crs(crs, 4326, always_xy=True), box)
         # Parallels are curved: between few places along a side they reach further.
         most = min(max(dataset.width, dataset.height), MOST_STEPS)
-        found = to_degrees.transform_bounds(*box, densify_pts=most)
+        found = _bounds_by(way_to_degrees(crs, roughly), box, most)
     except pyproj.exceptions.ProjError:
         found = (np.inf,) * 4
     if not np.isfinite(found).all():
         raise InputError(path, "reaches beyond its map projection", advice)
-    west, south, east, north = found
+    return found
+
+
+def _bounds_by(way: pyproj.Transformer, box: Box, places: int = 21) -> Box:
+    west, south, east, north = way.transform_bounds(*box, densify_pts=places)
     return west, south, east + 360 if east < west else east, north
 
 
@@ -237,7 +241,7 @@ def _measured_m(
     """Measure the spacing on the earth, between posts at the raster's middle, m."""
     a, b, c, d, e, f = transform
     col, row = np.array([0, 1, 0]) + shape[1] / 2, np.array([0, 0, 1]) + shape[0] / 2
-    to_degrees = transformer(crs, 4326)
+    to_degrees = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
     lon, lat = to_degrees.transform(a * col + b * row + c, d * col + e * row + f)
     at = to_ecef(np.radians(lon), np.radians(lat), 0.0)
     return float(np.linalg.norm(at[1:] - at[0], axis=1).max())

@@ -8,20 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pyproj
-from pyproj.transformer import AreaOfInterest
+from pyproj.transformer import TransformerGroup
 
-from ingest.datum import ways_between
 from tiles.errors import InputError
 from tiles.frames import WGS84_A_M
-from tiles.placement import is_lon_lat, transformer
+from tiles.placement import Box, area_of, is_lon_lat, way_to_degrees, ways_between
 
 SHIFT_M = 1000.0
 """About as far as most datums are from WGS84, where no way between them is known"""
 GOOD_M = 5.0
 """For buildings: WGS84 itself, NAD83 and ETRS89 are as close"""
-SIDE = 5
-"""Places that are looked at, each way"""
-Box = tuple[float, float, float, float]
 
 
 def doubt(path: str | Path, crs: pyproj.CRS, bounds_deg: Box, good_m: float) -> str:
@@ -36,13 +32,18 @@ def doubt(path: str | Path, crs: pyproj.CRS, bounds_deg: Box, good_m: float) -> 
     InputError
         Where no way is known here from an ellipsoid of the past.
     """
-    off_m, way = _worst(crs, bounds_deg)
+    taken = way_to_degrees(crs, bounds_deg)
+    way = _name(crs, taken.description)
     is_left_out = "Ballpark" in way
-    off_m = SHIFT_M if is_left_out else off_m
+    ways = ways_between(crs, pyproj.CRS(4326), area_of(bounds_deg))
+    way += "" if ways.transformers else ", which is made for elsewhere"
+    is_known = taken.accuracy >= 0.0 and bool(ways.transformers)
+    known_m = taken.accuracy if is_known else np.inf
+    off_m = SHIFT_M if is_left_out else known_m
     if off_m <= good_m:
         return ""
     # Degrees on WGS84's ellipsoid are taken as they are: a grid would change nothing.
-    grids, better_m = ("", np.inf) if is_lon_lat(crs) else _better(crs, bounds_deg)
+    grids, better_m = ("", np.inf) if is_lon_lat(crs) else _best(ways, bounds_deg)
     advice = f"install {grids} with `pyproj sync --file NAME`" if better_m < off_m else ""
     datum = crs.datum.name if crs.datum else crs.name
     if is_left_out:
@@ -68,23 +69,6 @@ def _is_plain(crs: pyproj.CRS) -> bool:
     return alike or shape.semi_major_metre == shape.semi_minor_metre
 
 
-def _worst(crs: pyproj.CRS, bounds_deg: Box) -> tuple[float, str]:
-    """Return how far off the ways that are taken may be (m, inf if unknown), and which."""
-    turn = transformer(crs, 4326)
-    west, south, east, north = bounds_deg
-    found = []
-    for lon in np.linspace(west, east, SIDE):
-        for lat in np.linspace(south, north, SIDE):
-            turn.transform(lon, lat, direction="INVERSE")
-            try:
-                used = turn.get_last_used_operation()
-            except pyproj.exceptions.ProjError:  # there is nothing to do
-                used = turn
-            off_m = used.accuracy if used.accuracy >= 0.0 else np.inf
-            found.append((float(off_m), _name(crs, used.description)))
-    return max(found)
-
-
 def _name(crs: pyproj.CRS, description: str) -> str:
     """Return what changes the datum, without the map and the order of axes."""
     how = crs.coordinate_operation
@@ -94,17 +78,14 @@ def _name(crs: pyproj.CRS, description: str) -> str:
     return " + ".join(steps)
 
 
-def _better(crs: pyproj.CRS, bounds_deg: Box) -> tuple[str, float]:
-    """Return the files that the best way needs, and how far off that is, m.
+def _best(ways: TransformerGroup, bounds_deg: Box) -> tuple[str, float]:
+    """Return the files that the best way needs that lacks some, and how far off it is, m.
 
     Ways that are made for all of the area come first.
     """
     west, south, east, north = bounds_deg
-    west = (west + 180.0) % 360.0 - 180.0
-    east = west + min(bounds_deg[2] - bounds_deg[0], 359.999)
-    area = AreaOfInterest(west, south, (east + 180.0) % 360.0 - 180.0, north)
     found = [(True, np.inf, "")]
-    for way in ways_between(crs, pyproj.CRS(4326), area).unavailable_operations:
+    for way in ways.unavailable_operations:
         names = [grid.short_name for grid in way.grids if not grid.available]
         if names and way.accuracy >= 0.0 and (use := way.area_of_use):
             ends = (use.west - west) % 360.0, (use.east - west) % 360.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tiles.frames import Floats
-from tiles.placement import Placement
+from tiles.placement import Box, Placement
 
 LOST_POSTS = 0.1
 """A post that is looked for at its place must be found so near"""
@@ -17,7 +17,6 @@ MOST_STEPS = 4096
 ACROSS = 257
 MARGIN_STEPS = 3.0
 """The edge of a map is no further beyond the last place than its neighbours are"""
-Box = tuple[float, float, float, float]
 Shape = tuple[int, int]
 
 

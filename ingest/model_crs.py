@@ -15,7 +15,6 @@ import pyproj
 from ingest.horizontal import GOOD_M, doubt
 from tiles.errors import InputError
 from tiles.frames import Floats
-from tiles.placement import transformer
 
 _CODE = re.compile(r"epsg(?:\.xml#|[:/]{1,2}(?:[\d.]+[:/]{1,2})?)(\d+)", re.IGNORECASE)
 _GERMAN_UTM = re.compile(r"ETRS89_UTM(3[123])")
@@ -76,7 +75,7 @@ def place_model(
         )
     north_first = flat.axis_info[0].direction in {"north", "south"}
     usual = by_authority and north_first
-    turn = transformer(flat, pyproj.CRS(4326))
+    turn = pyproj.Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
     swapped, notes = _order(path, turn, flat, xy, usual=usual)
     unit_m, unit_notes = _height_unit(path, full, named if crs else None)
     there = np.stack(_degrees(turn, xy, swapped=swapped))

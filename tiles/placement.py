@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the posts of a source raster are: between longitude, latitude and column, row."""
 
+import warnings
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyproj
 from numpy.typing import NDArray
+from pyproj.transformer import AreaOfInterest, TransformerGroup
 
 from tiles.frames import WGS84_A_M, Floats
 from tiles.kernels import kernel
@@ -18,6 +21,7 @@ ASIDE_TURNS = 1e-5
 """Step over which an x coordinate's scale is measured"""
 EVEN = 1e-7
 """Share of its period by which a periodic x coordinate may be off"""
+Box = tuple[float, float, float, float]
 
 
 def is_lon_lat(crs: pyproj.CRS) -> bool:
@@ -32,15 +36,41 @@ def is_lon_lat(crs: pyproj.CRS) -> bool:
     return flat == WGS84_A_M and not crs.prime_meridian.longitude and degree == "degree"
 
 
-def transformer(one: pyproj.CRS | int, other: pyproj.CRS | int) -> pyproj.Transformer:
-    """Return the best way from one system to another whose grids are installed.
+def ways_between(
+    one: pyproj.CRS, other: pyproj.CRS, area: AreaOfInterest | None = None
+) -> TransformerGroup:
+    """Return PROJ's ways, best first: those whose grids are installed, and the others.
 
-    One that leaves a change of datum out (a ballpark) only where PROJ knows no other.
+    None of them leaves a change of datum out: PROJ would, where a grid is missing.
     """
-    try:
-        return pyproj.Transformer.from_crs(one, other, always_xy=True, allow_ballpark=False)
-    except pyproj.exceptions.ProjError:
-        return pyproj.Transformer.from_crs(one, other, always_xy=True)
+    with warnings.catch_warnings():
+        # That a better grid could be installed: where it matters, it is said.
+        warnings.simplefilter("ignore", UserWarning)
+        return TransformerGroup(
+            one, other, always_xy=True, area_of_interest=area, allow_ballpark=False
+        )
+
+
+def area_of(bounds_deg: Box) -> AreaOfInterest | None:
+    """Return bounds as PROJ wants them; None for all of the globe, or unknown ones."""
+    west, south, east, north = bounds_deg
+    if not np.isfinite(bounds_deg).all() or east - west >= 359.0:
+        return None
+    west, east = ((one + 180.0) % 360.0 - 180.0 for one in (west, east))
+    return AreaOfInterest(west, south, east, north)
+
+
+def way_to_degrees(crs: pyproj.CRS, bounds_deg: Box) -> pyproj.Transformer:
+    """Return the way to longitude and latitude that is best for all of a raster.
+
+    PROJ by itself takes another way in each country, and often not the same there and
+    back: neighbours would move apart. One that is made for elsewhere does where none is
+    made for here; a change of datum is left out (a ballpark) only where none is known.
+    """
+    for area in (area_of(bounds_deg), None):
+        for way in ways_between(crs, pyproj.CRS(4326), area).transformers:
+            return way
+    return pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
 
 
 class Placement:
@@ -48,7 +78,7 @@ class Placement:
 
     def __init__(self, source: dict[str, Any]) -> None:
         """Take a source as the store lists it: crs, transform, size, bounds_deg, wraps."""
-        self.bounds_deg: tuple[float, float, float, float] = tuple(source["bounds_deg"])
+        self.bounds_deg: Box = tuple(source["bounds_deg"])
         self.wraps = bool(source["wraps"])
         self._width = int(source["width"])
         a, b, c, d, e, f = source["transform"]
@@ -61,8 +91,9 @@ class Placement:
         self._project = self._unproject = None
         self.is_projected = not is_lon_lat(crs)
         if self.is_projected:
-            self._project = transformer(4326, crs).transform
-            self._unproject = transformer(crs, 4326).transform
+            way = way_to_degrees(crs, self.bounds_deg)
+            self._project = partial(way.transform, direction="INVERSE")
+            self._unproject = way.transform
             self._middle_x = self._origin[0] + self._inverse[0] @ (
                 self._width / 2,
                 int(source["height"]) / 2,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tiles.frames import WGS84_A_M, WGS84_E2, Floats, Ints
 from tiles.geodesy import to_ecef
-from tiles.placement import is_lon_lat, transformer
+from tiles.placement import is_lon_lat, way_to_degrees
 from tiles.raster_blocks import BLOCK, Blocks
 from tiles.store import Store
 
@@ -174,5 +174,5 @@ def _lon_lat(source: Source, col: NDArray[Any], row: NDArray[Any]) -> tuple[Floa
     y = d * (col + 0.5) + e * (row + 0.5) + f
     crs = pyproj.CRS.from_user_input(source["crs"])
     if not is_lon_lat(crs):
-        x, y = transformer(crs, 4326).transform(x, y)
+        x, y = way_to_degrees(crs, tuple(source["bounds_deg"])).transform(x, y)
     return np.radians(x), np.radians(np.clip(y, -90.0, 90.0))

@@ -59,12 +59,45 @@ def test_how_far_off_places_may_be_is_said_and_what_grid_would_do(
     assert said(tmp_path / "wide.tif", crs, HERE[crs], 2.0 * off_m) == ""
 
 
+GOOD = dict.fromkeys(["EPSG:32631", "EPSG:25831", "EPSG:3857", "EPSG:3413"], (3.0, 60.0))
+NAD83 = {"EPSG:3978": (-100.0, 55.0), "EPSG:26910": (-122.0, 37.5)}
+
+
+@pytest.mark.parametrize(("crs", "place"), (GOOD | NAD83).items())
+def test_of_good_systems_nothing_is_said(
+    crs: str, place: tuple[float, float], tmp_path: Path
+) -> None:
+    assert said(tmp_path / "a.tif", crs, place, 10.0) == ""
+
+
 @pytest.mark.parametrize(
-    "crs", ["EPSG:32631", "EPSG:25831", "EPSG:3857", "EPSG:3413", "EPSG:3978"]
+    ("crs", "west", "south", "east", "north"),
+    [
+        ("EPSG:26717", -84, 25, -78, 44),
+        ("EPSG:23030", -9, 36, 3, 44),
+        ("EPSG:31467", 6, 47, 14, 55),
+    ],
 )
-def test_of_good_systems_nothing_is_said(crs: str, tmp_path: Path) -> None:
-    """WGS84, ETRS89, and NAD83."""
-    assert said(tmp_path / "a.tif", crs, (3.0, 60.0), 10.0) == ""
+def test_one_way_is_taken_for_all_of_a_raster(
+    crs: str, west: float, south: float, east: float, north: float
+) -> None:
+    """PROJ takes others in other countries: there and back its posts are up to 18 m off."""
+    size = {"wraps": 0, "width": 1000, "height": 1000, "transform": (1, 0, 0, 0, -1, 0)}
+    bounds = west, south, east, north
+    place = Placement({"crs": crs, "bounds_deg": bounds, **size})
+    lon, lat = (
+        one.ravel()
+        for one in np.meshgrid(np.linspace(west, east, 121), np.linspace(south, north, 121))
+    )
+    pixels = place.pixels(np.radians(lon), np.radians(lat))
+    back = np.degrees(place.places(*pixels))
+    assert 111e3 * np.abs(back - (lon, lat)).max() < 0.02
+    there = pyproj.Transformer.from_crs(4326, crs, always_xy=True).transform(lon, lat)
+    turn = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
+    assert 111e3 * np.abs(np.subtract(turn.transform(*there), (lon, lat))).max() > 0.5
+    # It is one of PROJ's own, so it is about as far off as that says.
+    off_m = np.hypot(pixels[0] + 0.5 - there[0], -pixels[1] - 0.5 - there[1])
+    assert off_m.max() < 50.0
 
 
 def test_no_change_of_datum_is_left_out_where_one_is_known(tmp_path: Path) -> None:
@@ -79,6 +112,7 @@ def test_no_change_of_datum_is_left_out_where_one_is_known(tmp_path: Path) -> No
     assert np.abs(lost_m).min() > 100.0
     np.testing.assert_allclose(np.degrees(place.places(col, row)), truth, atol=1e-7)
     np.testing.assert_allclose(place.pixels(*np.radians(truth)), (col, row), atol=1e-3)
+    assert "which is made for elsewhere" in plan(path, ELLIPSOID)["doubt"]
 
 
 @pytest.mark.parametrize(
