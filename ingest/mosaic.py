@@ -70,6 +70,15 @@ class Mosaic:
         sea = undulation_m("egm96", lon_rad, lat_rad)
         return self._fold(lon_rad, lat_rad, step_m, len(self.groups), sea), sea
 
+    def bend_m(self, lon_rad: Floats, lat_rad: Floats) -> Floats:
+        """Return how far sources bend what is around them, (n,) m."""
+        sea = undulation_m("egm96", lon_rad, lat_rad)
+        bent, unbent = (
+            self._fold(lon_rad, lat_rad, 0.0, len(self.groups), sea, bends=bends)
+            for bends in (True, False)
+        )
+        return bent - unbent
+
     def spacing_m(self, lon_rad: Floats, lat_rad: Floats) -> Floats:
         """Return the post spacing of the source that shows, (n,) m; inf where none is."""
         found = np.full(lon_rad.shape, np.inf)
@@ -97,7 +106,14 @@ class Mosaic:
         return np.where(known, shown, np.nan)
 
     def _fold(
-        self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int, sea: Floats
+        self,
+        lon_rad: Floats,
+        lat_rad: Floats,
+        step_m: float,
+        count: int,
+        sea: Floats,
+        *,
+        bends: bool = True,
     ) -> Floats:
         surface = sea.copy()
         for group in self.groups[:count]:
@@ -105,9 +121,9 @@ class Mosaic:
             near = group.near(lon_rad, lat_rad, feather_m)
             if not near.any():
                 continue
-            own = group.heights(lon_rad, lat_rad, step_m)
+            own = group.heights(lon_rad, lat_rad, step_m, bends=bends)
             outside = np.isnan(own)
-            if group.outer:
+            if group.outer and bends:
                 at = np.flatnonzero(outside & near)
                 if len(at):
                     places = lon_rad[at], lat_rad[at]

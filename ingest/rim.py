@@ -11,6 +11,7 @@ so that the surface has no steps.
 import shutil
 import tempfile
 import weakref
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,14 @@ class Rim:
         """Return how far a place, (3,), is from the rim; the limit where that is less."""
         stack = np.empty(STACK, np.int64)
         return float(nearest(self.lines, self.balls, self.below, place, limit_m, stack))
+
+    def most_m(self, away_m: float) -> float:
+        """Return the most that the rim may bend a place at a distance, m."""
+        return self._largest_m * float(_fade(np.array(away_m / self.feather_m)))
+
+    @cached_property
+    def _largest_m(self) -> float:
+        return float(np.abs(self.lines[:, 6:]).max(initial=0.0))
 
     def middles(self) -> tuple[Floats, Floats]:
         """Return longitudes and latitudes of the middles of all lines, (n,) rad."""

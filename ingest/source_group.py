@@ -40,7 +40,13 @@ class SourceGroup:
     """of all, towards coarser sources"""
 
     def heights(
-        self, lon_rad: Floats, lat_rad: Floats, step_m: float, count: int | None = None
+        self,
+        lon_rad: Floats,
+        lat_rad: Floats,
+        step_m: float,
+        count: int | None = None,
+        *,
+        bends: bool = True,
     ) -> Floats:
         """Return heights of the first `count` layers, (n,) m, NaN where they have none."""
         if len(self.layers) == 1:
@@ -53,7 +59,7 @@ class SourceGroup:
             own = layer.heights(lon_rad, lat_rad, step_m)
             outside = np.isnan(own)
             at = np.flatnonzero(outside & around & np.isfinite(found))
-            if rim and len(at):
+            if rim and bends and len(at):
                 found[at] = rim.met(found[at], lon_rad[at], lat_rad[at])
             found = np.where(outside, found, own)
         return found

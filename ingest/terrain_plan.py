@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which cells the sources ask for: where a cell splits, and how close a leaf must be."""
 
-from functools import lru_cache, partial
+from functools import lru_cache
 
 from ingest.boxes import edge_m, edges_rad, overlap
-from ingest.feather import followed_m, source_bound_m
+from ingest.feather import bent_lattice, followed_m, source_bound_m
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from ingest.terrain_tile import LEAF_SIDE, inner_bound_m, step_m
-from ingest.truth import OWN_LATTICE, missed_m, post_count
+from ingest.truth import OWN_LATTICE, post_count
 from tiles import cells
+from tiles.mesh import STEPS
 from tiles.terrain import TEXTURE_SIDE
 
 MAX_LEVEL = 20
@@ -23,8 +24,9 @@ class Plan:
     def __init__(self, mosaic: Mosaic, pictures: list[Layer]) -> None:
         self._mosaic, self._pictures = mosaic, pictures
         self._held: dict[int, list[Layer]] = {}
-        self._followed_m = lru_cache(65536)(partial(followed_m, mosaic))
-        self._is_bent = lru_cache(65536)(self._bends)
+        self._followed_m = lru_cache(65536)(self._followed)
+        self.lattice = lru_cache(65536)(self._lattice_of)
+        """squares along an edge of a leaf's own lattice; 0 where none shows its bend"""
 
     def cut(self, root: int, most: int) -> list[int]:
         """Return subtrees of about `most` leaves, by area, that cover a zone."""
@@ -72,14 +74,18 @@ class Plan:
         # Near a pole, posts are much denser along parallels.
         if any(post_count(layer, cell) > MOST_POSTS for layer in held):
             return True
-        return self.shown_finer(cell) or self._is_bent(cell)
+        return self.shown_finer(cell) or not self.lattice(cell)
 
-    def _bends(self, cell: int) -> bool:
-        """Say whether a surface bends around a finer source more than a leaf would show."""
+    def _followed(self, cell: int) -> tuple[float, float]:
+        return followed_m(self._mosaic, cell, self.held(cell))
+
+    def _lattice_of(self, cell: int) -> int:
         bound_m, spacing_m = self._followed_m(cell)
-        return (
-            spacing_m < step_m(cell, OWN_LATTICE) and missed_m(self._mosaic, cell) > bound_m
-        )
+        if spacing_m >= step_m(cell, OWN_LATTICE):
+            return OWN_LATTICE
+        # A large cell's vertices are rounded to more than the bound.
+        rounds = bound_m < step_m(cell, STEPS)
+        return 0 if rounds else bent_lattice(self._mosaic, cell, bound_m)
 
     def shown_finer(self, cell: int) -> bool:
         """Say whether a picture shows more than the texels of a cell."""

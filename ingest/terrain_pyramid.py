@@ -227,7 +227,7 @@ class ZoneBuilder:
 
     def _measured(self, leaf: int) -> Truth:
         """Find what a leaf stands for, and measure the surfaces above the part with it."""
-        truth = truth_of(self._mosaic, leaf, LEAF_SIDE)
+        truth = truth_of(self._mosaic, leaf, LEAF_SIDE, self._plan.lattice(leaf))
         for one in self._above:
             one.hold(truth)
         return truth

@@ -7,7 +7,6 @@ neighbour of a finer inset, or a cell at a pole) takes a lattice of its own.
 """
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,16 +70,17 @@ class Window:
     """Largest error of the fit"""
 
 
-def truth_of(mosaic: Mosaic, cell: int, side: int) -> Truth:
+def truth_of(mosaic: Mosaic, cell: int, side: int, least: int = OWN_LATTICE) -> Truth:
     """Find what a leaf stands for.
 
     Parameters
     ----------
     side : posts that a leaf holds along an edge, about
+    least : squares along an edge of its own lattice, where it is not smooth
     """
     window = _window(mosaic, cell, side)
     if window is None:
-        return _own_lattice(mosaic, cell)
+        return _own_lattice(mosaic, cell, max(least, OWN_LATTICE))
     box, parts = (window.left, window.top, window.right, window.bottom), 1
     while True:
         grid = filled(mosaic, window.layer, box, parts)
@@ -106,7 +106,7 @@ def bulge_m(spacing_m: float) -> float:
 
 def post_count(layer: Layer, cell: int) -> float:
     """Return about how many columns times rows of a source's posts a cell spans."""
-    lon, lat = _grid_places(cell, 8)
+    lon, lat = grid_places(cell, 8)
     col, row = layer.pixels(lon.ravel(), lat.ravel())
     return float(np.ptp(col) * np.ptp(row))
 
@@ -140,7 +140,7 @@ def _window(mosaic: Mosaic, cell: int, side: int) -> Window | None:
 
 
 def _posts_around(layer: Layer, cell: int) -> Window | None:
-    lon, lat = _grid_places(cell, 8)
+    lon, lat = grid_places(cell, 8)
     col, row = layer.pixels(lon.ravel(), lat.ravel())
     if not (np.isfinite(col).all() and np.isfinite(row).all()):
         return None
@@ -158,7 +158,8 @@ def _posts_around(layer: Layer, cell: int) -> Window | None:
     return Window(layer, left, top, right, bottom, fit, misfit_posts)
 
 
-def _grid_places(cell: int, side: int) -> tuple[Floats, Floats]:
+def grid_places(cell: int, side: int) -> tuple[Floats, Floats]:
+    """Return longitudes and latitudes of a lattice over a cell, (side + 1, side + 1)."""
     west, south, east, north = edges_rad(cell)
     steps = np.arange(side + 1) / side
     lon, lat = np.meshgrid(west + steps * (east - west), south + steps * (north - south))
@@ -190,7 +191,7 @@ def _straight(known: Floats) -> tuple[Floats, float]:
 
 def _fit(layer: Layer, left: int, top: int, cell: int) -> Floats:
     """Fit columns and rows from the first ones on to fractions of the cell, (2, 6)."""
-    lon, lat = _grid_places(cell, FIT_SIDE - 1)
+    lon, lat = grid_places(cell, FIT_SIDE - 1)
     col, row = layer.pixels(lon.ravel(), lat.ravel())
     known = np.stack([col - left, row - top])
     u, v = np.meshgrid(*[np.linspace(0, 1, FIT_SIDE)] * 2)
@@ -201,37 +202,30 @@ def _fit(layer: Layer, left: int, top: int, cell: int) -> Floats:
 def _misfit_posts(layer: Layer, fit: Floats, first: tuple[int, int], cell: int) -> float:
     """Largest error of a fit, in posts."""
     side = 2 * FIT_SIDE
-    lon, lat = _grid_places(cell, side)
+    lon, lat = grid_places(cell, side)
     col, row = layer.pixels(lon.ravel(), lat.ravel())
     u, v = np.meshgrid(*[np.linspace(0, 1, side + 1)] * 2)
     found = fit @ terms(u.ravel(), v.ravel())
     return float(np.abs(found - np.stack([col - first[0], row - first[1]])).max())
 
 
-def missed_m(mosaic: Mosaic, cell: int) -> float:
-    """Return how far the surface is from a cell's own lattice of OWN_LATTICE squares."""
-    lon, lat = _grid_places(cell, OWN_LATTICE)
-    heights = mosaic.heights(lon.ravel(), lat.ravel(), 0.0).reshape(lon.shape)
-    return missed_between(partial(mosaic.heights, step_m=0.0), lon, lat, heights)
-
-
-def _own_lattice(mosaic: Mosaic, cell: int) -> Truth:
+def _own_lattice(mosaic: Mosaic, cell: int, least: int) -> Truth:
     """Sample a cell on a lattice that misses little; between its posts to know how much."""
 
     def surface(lon: Floats, lat: Floats) -> Floats:
         return mosaic.heights(lon, lat, 0.0)
 
     side, most_m = SMOOTH_LATTICE, edge_m(cell) * MOST_MISSED
-    lon, lat = _grid_places(cell, side)
+    lon, lat = grid_places(cell, side)
     heights = surface(lon.ravel(), lat.ravel()).reshape(lon.shape)
     while True:
         missed_m = missed_between(surface, lon, lat, heights)
         slack_m = missed_m + bulge_m(edge_m(cell) / side)
         enough = slack_m <= NEXT_TO_NONE * most_m
-        if enough or side == FINEST_LATTICE or (side >= OWN_LATTICE and missed_m <= most_m):
+        if enough or side == FINEST_LATTICE or (side >= least and missed_m <= most_m):
             break
         side *= 2
-        lon, lat = _grid_places(cell, side)
+        lon, lat = grid_places(cell, side)
         known, heights = heights, np.full(lon.shape, np.nan)
         heights[::2, ::2] = known
         new = np.isnan(heights)

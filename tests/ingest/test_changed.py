@@ -127,9 +127,9 @@ def test_posts_of_unchanged_parts_are_not_held_against_what_their_tiles_are(
     monkeypatch.setattr(terrain_build, "PART_LEAVES", 4)
     measured: list[int] = []
 
-    def counted(mosaic: Mosaic, cell: int, side: int) -> Truth:
+    def counted(mosaic: Mosaic, cell: int, *how: int) -> Truth:
         measured.append(cell)
-        return truth_of(mosaic, cell, side)
+        return truth_of(mosaic, cell, *how)
 
     monkeypatch.setattr(terrain_pyramid, "truth_of", counted)
     whole, world = tmp_path / "whole.geopage", tmp_path / "world.geopage"
