@@ -24,7 +24,7 @@ from ingest.opening import opened
 from ingest.raster_copy import REASONS
 from ingest.sample_world import earth_files
 from ingest.terrain import RasterOptions, editing, ingest_rasters, remove_raster
-from tiles.errors import InputError, Parser, UnfinishedError, is_interrupt
+from tiles.errors import InputError, Parser, is_interrupt
 from tiles.kernels import is_compiled
 from tiles.lanes import Lane
 from tiles.store import Store
@@ -91,10 +91,6 @@ def ingest(words: list[str]) -> int:
         check_inputs(given)
         given.earth = not given.bare and (fresh or never_finished(given.store))
         report = given.run(given, bars)
-    except InputError as error:
-        if fresh and not isinstance(error, UnfinishedError):
-            discard(given.store)
-        raise
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):
             raise
@@ -130,12 +126,6 @@ def check_inputs(given: argparse.Namespace) -> None:
         Store(given.store).close()
     elif not given.store.parent.is_dir():
         raise InputError(given.store, "its folder does not exist", "make the folder first")
-
-
-def discard(store: Path) -> None:
-    """Take away a new store whose ingest was refused: nothing is left half-written."""
-    for tail in ("", "-wal", "-shm"):
-        Path(f"{store}{tail}").unlink(missing_ok=True)
 
 
 def terrain(given: argparse.Namespace, bars: Bars) -> dict[str, Any]:

@@ -32,10 +32,11 @@ class Journal:
         ------
         InputError
         """
+        path = self.writer.path
+        if not path.exists():
+            raise InputError(path, "taken away meanwhile", "run this command again")
         if int(self.writer.meta("generation")) != self.generation:
-            raise InputError(
-                self.writer.path, "another command changed it", "run this one again"
-            )
+            raise InputError(path, "another command changed it", "run this one again")
 
     @contextmanager
     def undisturbed(self) -> Iterator[None]:

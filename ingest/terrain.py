@@ -107,17 +107,18 @@ def posts_of(copied: list[Source]) -> dict[str, Any]:
 
 @contextmanager
 def editing(store: str | Path) -> Iterator[Writer]:
-    """Open a store for writing; a new one is taken away again when its input is refused.
+    """Open a store for writing; one made here is taken away when its input is refused.
 
-    One whose making breaks off stays: it holds what was done so far.
+    But not where its making broke off, it holds what was done so far; and not where
+    another command, which found it there, has put something in.
     """
-    fresh = not Path(store).exists()
     writer = Writer(store)
     try:
         yield writer
     except InputError as error:
+        empty = writer.made_here and writer.meta("generation") == "0"
         writer.close()
-        if fresh and not isinstance(error, UnfinishedError):
+        if empty and not isinstance(error, UnfinishedError):
             for tail in ("", "-wal", "-shm"):
                 Path(f"{store}{tail}").unlink(missing_ok=True)
         raise

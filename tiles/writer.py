@@ -37,8 +37,7 @@ class Writer(Store):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        if not self.path.exists():
-            make_store(self.path)
+        self.made_here = not self.path.exists() and make_store(self.path)
         require_file(self.path)
         self._connect(str(self.path), timeout=BUSY_S)
         self._longest_log_bytes = LOG_BYTES
@@ -184,8 +183,13 @@ class Writer(Store):
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?,?)", (key, value))
 
 
-def make_store(path: Path) -> None:
-    """Make an empty store; whenever this is killed, there is a whole one or none."""
+def make_store(path: Path) -> bool:
+    """Make an empty store; whenever this is killed, there is a whole one or none.
+
+    Returns
+    -------
+    Whether it is the one; another command's may have come before.
+    """
     new = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with closing(sqlite3.connect(new, isolation_level=None)) as connection:
@@ -194,7 +198,13 @@ def make_store(path: Path) -> None:
                 f"PRAGMA user_version={FORMAT_VERSION}; PRAGMA journal_mode=WAL;"
                 f"BEGIN; {TABLES} COMMIT;"
             )
-        new.rename(path)
+        try:
+            path.hardlink_to(new)
+        except FileExistsError:
+            return False
+        except OSError:  # a file system without links
+            new.rename(path)
+        return True
     finally:
         for tail in ("", "-wal", "-shm"):
             Path(f"{new}{tail}").unlink(missing_ok=True)

@@ -15,9 +15,10 @@ from geopage.cli import main
 from ingest.cli import Bars
 from ingest.terrain import ingest_rasters
 from tests.ingest.rasters import EGM96, coarse, hills, north_up, write
-from tiles.errors import is_interrupt
+from tiles.errors import InputError, is_interrupt
 from tiles.lanes import Lane
 from tiles.store import Store
+from tiles.writer import make_store
 
 WHERE = north_up(11.0, 46.5, 0.01)
 POSTS = hills((20, 20), 1.0, 100.0)
@@ -184,6 +185,22 @@ def seen(path: Path) -> object:
         return None
     with Store(path) as store:
         return [store.index(lane).tobytes() for lane in Lane], store.sources()
+
+
+def test_a_refused_ingest_leaves_a_store_that_another_command_made_meanwhile(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = tmp_path / "a.geopage"
+
+    def refuse(*_: object) -> None:
+        make_store(store)
+        raise InputError("dem.tif", "has no CRS", "name it with --crs")
+
+    monkeypatch.setattr("ingest.cli.ingest_rasters", refuse)
+    words = ["ingest", "terrain", "--bare", str(store), str(dem(tmp_path / "dem.tif"))]
+    assert main(words) == 2
+    assert "has no CRS" in capsys.readouterr().err
+    assert store.exists()
 
 
 @pytest.mark.parametrize("content", [b"", b"junk" * 100, None])

@@ -223,10 +223,17 @@ def test_a_name_can_not_change_its_kind_nor_be_given_twice(
         ingest(world, coarse(tmp_path / "a.tif"), coarse(tmp_path / "other" / "a.tif"))
 
 
+@pytest.mark.parametrize("fresh", [False, True])
 def test_two_ingests_at_once_do_not_lose_one_of_them(
-    world: Path, nested_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    request: pytest.FixtureRequest,
+    nested_folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    fresh: bool,
 ) -> None:
     """The second to finish is refused, the first is not silently undone."""
+    world = tmp_path / "new.geopage" if fresh else request.getfixturevalue("world")
     third = coarse(tmp_path / "third.tif")
     real_copy = ingest_terrain.copy
 
@@ -240,7 +247,22 @@ def test_two_ingests_at_once_do_not_lose_one_of_them(
     with pytest.raises(InputError, match="another command changed it"):
         ingest(world, third)
     with Store(world) as store:
-        assert [source["name"] for source in store.sources()] == ["coarse", "inset"]
+        assert [source["name"] for source in store.sources()][-1] == "inset"
+
+
+def test_an_ingest_whose_store_is_taken_away_does_not_say_that_all_is_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, real_copy = tmp_path / "new.geopage", ingest_terrain.copy
+
+    def copy_and_lose(*given: Any) -> Any:
+        copied = real_copy(*given)
+        world.unlink()
+        return copied
+
+    monkeypatch.setattr(ingest_terrain, "copy", copy_and_lose)
+    with pytest.raises(InputError, match="taken away meanwhile"):
+        ingest(world, coarse(tmp_path / "third.tif"))
 
 
 def wide(path: Path) -> Path:
