@@ -32,9 +32,7 @@ MET = 99.0
 Coarse = Callable[[Floats, Floats], Floats]
 """Height of the coarser surface at longitudes and latitudes, (n,) m"""
 Keep = Callable[[Floats, Floats], NDArray[np.bool_]]
-"""Whether an edge with its middle at a longitude and latitude is kept, (n,)"""
-
-
+"""Whether an edge is kept that has an end, or its middle, at a lon and lat, (n,)"""
 Parts = Sequence[tuple[Layer, Keep | None]]
 """Sources, each with those of its edges that are kept: all of them where it's None"""
 
@@ -72,7 +70,9 @@ def missed_m(rim: Rim, parts: Parts, coarse: Coarse) -> float:
     for layer, edges, height in _kept(parts):
         lon, lat = layer.places(*edges[::PROBE].mean(axis=1).T)
         delta = height[::PROBE].mean(axis=1) - coarse(lon, lat)
-        off.append(np.abs(rim.deltas(lon, lat)[0] - delta))
+        far = np.abs(rim.deltas(lon, lat)[0] - delta)
+        # An edge may reach to where the coarser surface has no data.
+        off.append(far[np.isfinite(far)])
     return float(np.percentile(np.concatenate(off), MET))
 
 
@@ -82,7 +82,9 @@ def _kept(parts: Parts) -> Iterator[tuple[Layer, Floats, Floats]]:
             if keep is None:
                 yield layer, edges, height
                 continue
-            kept = np.flatnonzero(keep(*layer.places(*edges.mean(axis=1).T)))
+            ends_and_middle = edges[:, 0], edges[:, 1], edges.mean(axis=1)
+            shown = [keep(*layer.places(*one.T)) for one in ends_and_middle]
+            kept = np.flatnonzero(np.logical_or.reduce(shown))
             yield layer, edges[kept], height[kept]
 
 
@@ -114,7 +116,7 @@ def halved(
         middle, mean = at.mean(axis=1), height.mean(axis=1)
         there = gap(middle, mean)
         off = np.abs(there - delta.mean(axis=1))
-        bad = off > TOLERANCE_M + TOLERANCE * np.abs(there)
+        bad = ~(off <= TOLERANCE_M + TOLERANCE * np.abs(there))
         done.append((at[~bad], delta[~bad]))
         if not bad.any():
             break
@@ -123,7 +125,10 @@ def halved(
         delta = _halves(delta[bad], there[bad])
     else:
         done.append((at, delta))
-    return np.concatenate([a for a, _ in done]), np.concatenate([d for _, d in done])
+    at, delta = (np.concatenate(parts) for parts in zip(*done, strict=True))
+    # An edge may end where the coarser surface has no data.
+    known = np.isfinite(delta).all(axis=1)
+    return at[known], delta[known]
 
 
 def _halves(ends: Floats, middle: Floats) -> Floats:

@@ -12,19 +12,22 @@ from tests.ingest.rasters import Floats, hills, north_up, source_height_m, write
 from tests.ingest.test_mosaic import ELLIPSOID, heights, mosaic_of
 
 FINE = 0.002
-World = Callable[[dict[str, tuple[Floats, float]]], Mosaic]
+World = Callable[..., Mosaic]
 
 
 @pytest.fixture
 def world(tmp_path: Path) -> Iterator[World]:
-    """Open tiles of 100 rows from 45.2 N, each from a longitude, over a coarse source."""
+    """Open tiles from 45.2 N, each from a longitude, over a coarse source."""
     opened = []
 
-    def world_of(tiles: dict[str, tuple[Floats, float]]) -> Mosaic:
+    def world_of(
+        tiles: dict[str, tuple[Floats, float]], north: float = 45.2, **norths: float
+    ) -> Mosaic:
         low = np.full((40, 60), 1000, np.float32)
         files = [write(tmp_path / "low.tif", low, north_up(10, 46, 0.04), "EPSG:4326")]
         for name, (posts, west) in tiles.items():
-            path, where = tmp_path / f"{name}.tif", north_up(west, 45.2, FINE)
+            path = tmp_path / f"{name}.tif"
+            where = north_up(west, norths.get(name, north), FINE)
             files.append(write(path, posts.astype(np.float32), where, "EPSG:4326"))
         with_datum = [(file, ELLIPSOID) for file in files]
         mosaic, connection = mosaic_of(tmp_path / "w.geopage", with_datum)
@@ -99,3 +102,18 @@ def test_where_surveys_overlap_the_later_wins_and_they_meet(
     np.testing.assert_allclose(heights(mosaic, lon, lat), [b[0], a[1]], atol=2e-3)
     walk = np.arange(11.15, 11.17, 1e-6)
     assert largest_step(mosaic, walk, np.full(len(walk), 45.0777)) < 0.3
+
+
+def test_no_pit_opens_where_the_rims_of_two_surveys_cross(
+    world: World, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """An edge of the later one ends there where the earlier one has no data."""
+    flat = np.full((50, 50), 3000.0)
+    mosaic = world({"a": (flat, 11.0), "b": (flat + 8.0, 11.0307)}, b=45.2313)
+    lon, lat = rng.uniform(11.0, 11.14, 200_000), rng.uniform(45.1, 45.24, 200_000)
+    names = [tmp_path / f"{name}.tif" for name in "ab"]
+    known = np.isfinite([source_height_m(one, lon, lat) for one in names]).any(axis=0)
+    found = heights(mosaic, lon[known], lat[known])
+    assert known.sum() > 50_000
+    assert found.min() > 2999
+    assert found.max() < 3009
