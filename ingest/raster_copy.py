@@ -213,7 +213,7 @@ def _heights(
             value = stored[i, j]
             metres = value * scale + offset
             height = np.float32(metres + zero_m[i, j])
-            known = LOWEST_M < metres < HIGHEST_M
+            known = LOWEST_M < metres < HIGHEST_M and not _is_void(value, metres)
             why = 0
             if mask[i, j] == 0 or np.isnan(value):
                 why = 1
@@ -226,6 +226,12 @@ def _heights(
             counts[why] += 1
             out[i, j] = height if why == 0 else np.nan
     return out
+
+
+@kernel
+def _is_void(value: float, metres: float) -> bool:
+    """Say whether a number is a 16-bit file's for no data, though as feet it is a depth."""
+    return value == -32768.0 or (value == -32767.0 and metres < DEEP_M)
 
 
 @kernel

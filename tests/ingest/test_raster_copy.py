@@ -255,3 +255,19 @@ def test_a_copy_needs_no_more_memory_for_a_larger_raster(tmp_path: Path) -> None
     words = [sys.executable, "-c", MEMORY, str(small), str(large)]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert float(done.stdout) < 150
+
+
+@pytest.mark.parametrize("void", [-32768, -32767])
+@pytest.mark.parametrize("dtype", [np.int16, np.float32])
+def test_what_a_16_bit_file_has_for_no_data_is_no_depth_in_feet(
+    void: int, dtype: type, tmp_path: Path
+) -> None:
+    posts = np.full((20, 30), 1000, dtype)
+    posts[3:6, 4:9] = void
+    path = write(tmp_path / "a.tif", posts, WHERE, "EPSG:4326")
+    options = RasterOptions(datum="ellipsoid", units="ft")
+    connection, held = copied_from(path, options)
+    found = Blocks(connection, held.blocks, posts.shape).window(0, 0, 20, 0, 30)
+    np.testing.assert_array_equal(np.isnan(found), posts == void)
+    assert held.skipped == (0, 15, 0, 0)
+    connection.close()
