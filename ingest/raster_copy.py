@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
+from rasterio.enums import ColorInterp
 from rasterio.windows import Window
 
 from ingest.geoid import ZeroSurface
@@ -188,7 +189,12 @@ def _posts(
     """Read a chunk of the finest level as it is stored, and what is known of it."""
     window = _window(chunk)
     stored = dataset.read(1, window=window).astype(np.float64)
-    return stored, dataset.read_masks(1, window=window)
+    mask = dataset.read_masks(1, window=window)
+    # GDAL itself heeds an alpha band beside 8 bits, or 16 without a sign, only.
+    if ColorInterp.alpha in dataset.colorinterp[1:]:
+        alpha = 1 + dataset.colorinterp.index(ColorInterp.alpha)
+        mask *= dataset.read(alpha, window=window) != 0
+    return stored, mask
 
 
 @kernel

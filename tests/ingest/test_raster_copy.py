@@ -271,3 +271,19 @@ def test_what_a_16_bit_file_has_for_no_data_is_no_depth_in_feet(
     np.testing.assert_array_equal(np.isnan(found), posts == void)
     assert held.skipped == (0, 15, 0, 0)
     connection.close()
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.uint16, np.float32])
+def test_where_an_alpha_band_is_clear_there_is_no_data(dtype: type, tmp_path: Path) -> None:
+    """As gdalwarp -dstalpha writes it; GDAL itself heeds 16 bits without a sign only."""
+    posts = np.full((2, 20, 30), 500, dtype)
+    posts[:, 3:6, 4:9] = 0
+    path, size = tmp_path / "a.tif", {"height": 20, "width": 30, "count": 2}
+    where = {"transform": WHERE, "crs": "EPSG:4326"}
+    with rasterio.open(path, "w", dtype=dtype, alpha="yes", **size, **where) as out:
+        out.write(posts)
+    connection, held = copied_from(path, ELLIPSOID)
+    found = Blocks(connection, held.blocks, (20, 30)).window(0, 0, 20, 0, 30)
+    np.testing.assert_array_equal(np.isnan(found), posts[1] == 0)
+    assert held.skipped == (15, 0, 0, 0)
+    connection.close()
