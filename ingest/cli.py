@@ -248,11 +248,8 @@ def remove(words: list[str]) -> int:
     given = parser.parse_args(words)
     with Store(given.store) as reader:
         kinds = {source["name"]: source["kind"] for source in reader.sources()}
-    if given.source not in kinds:
-        known = ", ".join(kinds) or "none"
-        raise InputError(given.store, f"has no source {given.source!r}", f"it has {known}")
     bars = Bars()
-    if kinds[given.source] == "buildings":
+    if kinds.get(given.source) == "buildings":
         report = remove_buildings(given.store, given.source, bars)
     else:
         report = remove_raster(given.store, given.source, 0, bars)

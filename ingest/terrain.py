@@ -85,12 +85,19 @@ def ingest_rasters(
             one = new[about["name"]]
             about |= {key: one[key] for key in MEETING if key in one}
         report |= clock.report(report["read"])
-        if writer.object_count():
-            # Buildings stand on the old terrain still: who comes back, goes on there.
-            journal = Journal(writer)
-            with journal.step():
-                journal.say(command, report)
+        leave_word(writer, command, report)
     return report
+
+
+def leave_word(writer: Writer, command: str, report: dict[str, Any]) -> None:
+    """Note that the terrain is done where buildings stand on the old one still.
+
+    Who comes back with the same command, goes on there.
+    """
+    if writer.object_count():
+        journal = Journal(writer)
+        with journal.step():
+            journal.say(command, report)
 
 
 def posts_of(copied: list[Source]) -> dict[str, Any]:
@@ -182,10 +189,24 @@ def change(
 def remove_raster(
     store: str | Path, name: str, workers: int = 0, progress: Progress = silent
 ) -> dict[str, Any]:
-    """Take a terrain or imagery source out and make the terrain again without it."""
-    clock = Clock()
+    """Take a terrain or imagery source out and make the terrain again without it.
+
+    Raises
+    ------
+    InputError
+        When there is none of this name.
+    """
+    clock, command = Clock(), f"removed {name}"
     with editing(store) as writer:
+        if report := Journal(writer).said(command):
+            return report
         sources = writer.sources()
+        names = [source["name"] for source in sources]
+        if name not in names:
+            known = ", ".join(names) or "none"
+            raise InputError(store, f"has no source {name!r}", f"it has {known}")
         rest = [source for source in sources if source["name"] != name]
         report = change(Journal(writer), rest, workers, progress, clock)
-    return {"removed": name, **report}
+        report = {"removed": name, **report}
+        leave_word(writer, command, report)
+    return report

@@ -396,6 +396,29 @@ def test_terrain_under_buildings_grounds_them_again(
     capsys.readouterr()
 
 
+def test_a_removal_broken_off_before_buildings_are_grounded_goes_on_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    store = tmp_path / "town.geopage"
+    ingest_rasters(store, [(coarse(tmp_path / "coarse.tif"), EGM96)], workers=1)
+    town = str(squares(tmp_path / "town.geojson"))
+    assert main(["ingest", "buildings", str(store), town, "--height", "h"]) == 0
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("ingest.cli.reground", stop)
+        assert main(["remove", str(store), "coarse"]) == 130
+    assert main(["remove", str(store), "coarse"]) == 0
+    with Store(store) as opened:
+        (base,) = (one["base_m"] for one in opened.objects([1]))
+    assert base < 100, "not where the mountain was"
+    capsys.readouterr()
+    assert "has no source 'coarse'" in refuse(["remove", str(store), "coarse"], capsys)
+
+
 def test_bars_say_posts_and_tiles_a_second(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
