@@ -5,6 +5,7 @@ Around each finer source the coarser surface is bent by a delta surface: along t
 source's rim the difference is known; it is carried outwards by inverse-distance
 weighting and faded to nothing over the feather distance, which is one post spacing of
 the coarser source: what that source can't know anyway. Over the sea it fades at once.
+Where a third source lies beside, it fades on the way to that: real posts stay.
 
 References
 ----------
@@ -115,7 +116,7 @@ class Mosaic:
         *,
         bends: bool = True,
     ) -> Floats:
-        surface = sea.copy()
+        surface, most_m = sea.copy(), np.full(lon_rad.shape, np.inf)
         for group in self.groups[:count]:
             feather_m = group.outer.feather_m if group.outer else 0.0
             near = group.near(lon_rad, lat_rad, feather_m)
@@ -123,12 +124,15 @@ class Mosaic:
                 continue
             own = group.heights(lon_rad, lat_rad, step_m, bends=bends)
             outside = np.isnan(own)
+            room_m = np.where(outside, np.inf, 0.0)
             if group.outer and bends:
                 at = np.flatnonzero(outside & near)
                 if len(at):
-                    places = lon_rad[at], lat_rad[at]
-                    surface[at] = group.outer.bent(surface[at], sea[at], *places)
+                    rim, places = group.outer, (lon_rad[at], lat_rad[at])
+                    bent = rim.bent(surface[at], sea[at], *places, most_m[at])
+                    surface[at], room_m[at] = bent[0], rim.room_m(bent[1])
             surface = np.where(outside, surface, own)
+            most_m = np.minimum(most_m, group.layers[0].spacing_m + room_m)
         return surface
 
     def reach_m(self, layer: Layer) -> float:

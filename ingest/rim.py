@@ -66,22 +66,43 @@ class Rim:
         lines = np.concatenate([local, delta_m], axis=1, dtype=np.float32)
         return cls(feather_m, spacing_m, lines, balls, below)
 
-    def bent(self, coarse: Floats, sea: Floats, lon_rad: Floats, lat_rad: Floats) -> Floats:
+    def bent(
+        self,
+        coarse: Floats,
+        sea: Floats,
+        lon_rad: Floats,
+        lat_rad: Floats,
+        most_m: Floats | float = np.inf,
+    ) -> tuple[Floats, Floats]:
         """Return the coarser surface as it is around the source.
 
         Parameters
         ----------
         coarse, sea : (n,) m, heights of the coarser surface and of sea level
         lon_rad, lat_rad : (n,) places outside the source
+        most_m : over how much it may be bent, (n,), of `room_m`
+
+        Returns
+        -------
+        bent : (n,) m
+        near : (n,) m, distance of the rim, as of `deltas`
         """
         delta, near = self.deltas(lon_rad, lat_rad)
-        bent = coarse + delta * _fade(near / self.feather_m)
+        bent = coarse + delta * _fade(near / np.minimum(self.feather_m, most_m))
         # Sea stays sea: a coast slopes down at once, not over a coarse post.
         rise = np.maximum(coarse + delta - sea, 0.0)
         beach_m = np.minimum(np.maximum(self.spacing_m, BEACH * rise), self.feather_m)
         top = sea + rise * _fade(near / beach_m)
         wet = np.clip(1.0 - (coarse - sea - SEA_M) / WET_M, 0.0, 1.0)
-        return bent + wet * np.minimum(np.maximum(top, coarse) - bent, 0.0)
+        return bent + wet * np.minimum(np.maximum(top, coarse) - bent, 0.0), near
+
+    def room_m(self, near_m: Floats) -> Floats:
+        """Return over how much finer sources may bend places so far from the rim, (n,) m.
+
+        Not at all at the rim, about as far as it is away, and freely beyond the feather.
+        """
+        with np.errstate(divide="ignore"):
+            return np.asarray(near_m / (1.0 - near_m / self.feather_m))
 
     def met(self, height_m: Floats, lon_rad: Floats, lat_rad: Floats) -> Floats:
         """Return a surface as it is bent to meet the source, (n,) m."""

@@ -303,3 +303,27 @@ def test_what_another_survey_shows_beside_a_source_counts_as_missed(
     assert off_m.max() > 5.0
     assert off_m.max() <= truth.slack_m
     connection.close()
+
+
+def test_a_finer_source_beside_another_leaves_its_posts_alone(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Its feather is one post of the coarse source under both, as wide as both of them."""
+    placed = {"low": (500, 6, 1 / 6), "a": (1000, 7.0, 9e-4), "b": (1500, 7.074, 6e-4)}
+    files = []
+    for name, (height_m, west, step) in placed.items():
+        posts = np.full((60, 60) if name != "low" else (12, 12), height_m, np.float32)
+        north = 44.0 if name != "low" else 45.0
+        where = north_up(west, north, step)
+        files.append(write(tmp_path / f"{name}.tif", posts, where, "EPSG:4326"))
+    mosaic, connection = mosaic_of(
+        tmp_path / "w.geopage", [(file, ELLIPSOID) for file in files]
+    )
+    for name, height_m in (("a", 1000), ("b", 1500)):
+        lon, lat = places_in(tmp_path / f"{name}.tif", 2000, rng)
+        assert np.abs(heights(mosaic, lon, lat) - height_m).max() < 0.1
+    lon = np.arange(7.04, 7.09, 1e-6)
+    walk = heights(mosaic, lon, np.full(len(lon), 43.98))
+    # Between them, 1.6 km, it climbs 500 m; eight centimetres are a step.
+    assert np.abs(np.diff(walk)).max() < 0.1
+    connection.close()

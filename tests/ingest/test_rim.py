@@ -137,10 +137,10 @@ def test_over_the_sea_a_coast_slopes_down_at_once() -> None:
     north = np.array([0.001, 10.0, 45.0, 95.0, 1000.0, 4999.0])
     lon, lat = places(np.zeros(6), north)
     bed, sea = np.full(6, -20.0), np.zeros(6)
-    found = rim.bent(bed, sea, lon, lat)
+    found, _ = rim.bent(bed, sea, lon, lat)
     assert found[0] == pytest.approx(30, abs=0.01)
     assert (np.diff(found) <= 0).all()
     assert found[2] > 5
     assert (found[3:] <= 0).all()
-    inland = rim.bent(bed + 100, sea, lon, lat)
+    inland, _ = rim.bent(bed + 100, sea, lon, lat)
     assert inland[3] == pytest.approx(130, abs=0.2)
