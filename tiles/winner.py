@@ -42,13 +42,20 @@ class Winners:
         """Return the finest source that has data at each place, (n,)."""
         source = np.full(len(lon_rad), None, object)
         feathered = np.zeros(len(lon_rad), bool)
+        spacing_m, outside = np.full(len(lon_rad), np.inf), []
         left = np.arange(len(lon_rad))
         for raster in self._rasters:
             covered = raster.covers(lon_rad[left], lat_rad[left])
-            source[left[covered]] = raster.name
+            source[left[covered]], spacing_m[left[covered]] = raster.name, raster.spacing_m
             left = left[~covered]
-            near = left[raster.is_near(lon_rad[left], lat_rad[left]) & ~feathered[left]]
-            feathered[near] = raster.reaches(lon_rad[near], lat_rad[near])
+            outside.append(left)
+        for raster, left in zip(self._rasters, outside, strict=True):
+            for own_m in np.unique(spacing_m[left]):
+                some = left[(spacing_m[left] == own_m) & ~feathered[left]]
+                # Real posts are bent over one of them, however wide the feather.
+                reach_m = min(raster.reach_m, float(own_m) + raster.spacing_m)
+                near = some[raster.is_near(lon_rad[some], lat_rad[some], reach_m)]
+                feathered[near] = raster.reaches(lon_rad[near], lat_rad[near], reach_m)
         pairs = zip(source.tolist(), feathered.tolist(), strict=True)
         return [Winner(*pair) for pair in pairs]
 
@@ -58,8 +65,8 @@ class _Raster:
 
     def __init__(self, store: Store, source: dict[str, Any], cache: BlockCache) -> None:
         self.name = str(source["name"])
-        self._reach_m = float(source.get("reach_m", 0.0))
-        self._reach_posts = max(self._reach_m / float(source["spacing_m"]), 1.0)
+        self.reach_m = float(source.get("reach_m", 0.0))
+        self.spacing_m = float(source["spacing_m"])
         self._place = Placement(source)
         self._shape = int(source["height"]), int(source["width"])
         key = str(source["blocks"])
@@ -89,30 +96,35 @@ class _Raster:
         covered[there] = known
         return covered
 
-    def is_near(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.bool_]:
-        """Say which places, (n,), are in the source's box or within its feather."""
-        return self._place.near(lon_rad, lat_rad, self._reach_m)
+    def is_near(
+        self, lon_rad: Floats, lat_rad: Floats, reach_m: float
+    ) -> NDArray[np.bool_]:
+        """Say which places, (n,), are in the source's box or within a distance of it."""
+        return self._place.near(lon_rad, lat_rad, reach_m)
 
-    def reaches(self, lon_rad: Floats, lat_rad: Floats) -> NDArray[np.bool_]:
-        """Say of which places, (n,), a post with data is within the source's feather."""
+    def reaches(
+        self, lon_rad: Floats, lat_rad: Floats, reach_m: float
+    ) -> NDArray[np.bool_]:
+        """Say of which places, (n,), a post with data is within a distance."""
         pixel = np.stack(self._place.pixels(lon_rad, lat_rad))
         # Places side by side look at the same posts.
-        _, group = np.unique(pixel // self._reach_posts, axis=1, return_inverse=True)
+        reach_posts = max(reach_m / self.spacing_m, 1.0)
+        _, group = np.unique(pixel // reach_posts, axis=1, return_inverse=True)
         reached = np.zeros(len(lon_rad), bool)
         for k in range(int(group.max(initial=-1)) + 1):
             some = np.flatnonzero(group == k)
-            col, row, posts = self._around(lon_rad[some], lat_rad[some])
+            col, row, posts = self._around(lon_rad[some], lat_rad[some], reach_m)
             at = np.nonzero(np.isfinite(posts))
             there = to_ecef(*self._place.places(col[at], row[at]), 0.0)
             here = to_ecef(lon_rad[some], lat_rad[some], 0.0)
-            reached[some] = _any_within(here, there, self._reach_m)
+            reached[some] = _any_within(here, there, reach_m)
         return reached
 
     def _around(
-        self, lon_rad: Floats, lat_rad: Floats
+        self, lon_rad: Floats, lat_rad: Floats, reach_m: float
     ) -> tuple[Floats, Floats, NDArray[np.generic]]:
-        """Return columns, rows and heights of halved posts as far as the feather."""
-        north = self._reach_m / WGS84_A_M
+        """Return columns, rows and heights of halved posts within a distance."""
+        north = reach_m / WGS84_A_M
         east = north / max(float(np.cos(lat_rad).min()), 0.01)
         off = np.array([[0.0], [1.0], [-1.0]])
         side = (lon_rad + east * off).ravel(), np.tile(lat_rad, 3)

@@ -82,6 +82,27 @@ def test_of_two_alike_the_later_one_wins(tmp_path: Path) -> None:
         assert [one.source for one in Winners(store).at(*place)] == ["other"]
 
 
+def test_a_source_beside_a_finer_one_is_feathered_over_a_post_of_its_own(
+    tmp_path: Path,
+) -> None:
+    """Though the finer one's feather, over the coarsest of the three, reaches over it."""
+    placed = {"low": (12, 6, 1 / 6), "a": (20, 7.0, 9e-4), "b": (20, 7.0185, 6e-4)}
+    files = []
+    for name, (count, west, step) in placed.items():
+        where = north_up(west, 45.0 if name == "low" else 44.0, step)
+        posts = np.full((count, count), 500, np.float32)
+        files.append(write(tmp_path / f"{name}.tif", posts, where, "EPSG:4326"))
+    ellipsoid = RasterOptions(datum="ellipsoid")
+    ingest_rasters(tmp_path / "w.geopage", [(f, ellipsoid) for f in files], workers=1)
+    with Store(tmp_path / "w.geopage") as store:
+        lon = np.radians([7.005, 7.0165, 7.0174])
+        assert [tuple(one) for one in Winners(store).at(lon, np.full(3, 0.76782))] == [
+            ("a", False),
+            ("a", False),
+            ("a", True),
+        ]
+
+
 def test_a_sample_names_the_winner(nested_folder: Path) -> None:
     with Store(nested_folder / "world.geopage") as store:
         lon, lat = np.array([11.17, WEST + SIDE * STEP / 2]), np.array([46.11, 46.4])
