@@ -48,6 +48,7 @@ def object_needs_of(
         soon = Lens(
             ahead.eye[k],
             -ahead.rotation[k, 2],
+            ahead.rotation[k],
             lens.focal_px,
             lens.corner_cos,
             lens.cone_cos,

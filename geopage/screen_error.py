@@ -56,6 +56,8 @@ class Lens(NamedTuple):
     """(3,) ECEF m"""
     forward: NDArray[np.float64]
     """(3,) unit"""
+    rotation: NDArray[np.float64]
+    """(3, 3) of the view"""
     focal_px: float
     corner_cos: float
     """cosine of the angle between the axis and the picture's corner"""
@@ -89,6 +91,7 @@ def lens_of(
     return Lens(
         np.array(view.eye, np.float64),
         np.array(view.forward, np.float64),
+        np.array(view.rotation, np.float64),
         float(view.focal_px),
         float(view.corner_cos),
         math.cos(half),
@@ -149,44 +152,6 @@ def nearest(size: float, cosine: float, corner_cos: float) -> float:
     out_cos = max(cosine * math.sqrt(1.0 - outer**2) - sine * outer, corner_cos)
     begins = math.sqrt(1.0 - inner**2) + math.sqrt(max(size**2 - inner**2, 0.0))
     return float((1.0 + size) / begins * out_cos**2)
-
-
-@kernel
-def error_px_per_m(
-    lens: Lens, centre: NDArray[np.float64], radius_m: float, half_m: NDArray[np.float32]
-) -> float:
-    """Return the most pixels that a metre of error takes in a cell of terrain.
-
-    That is focal / view depth (design: an error is a distance x focal / view depth), for
-    the least depth that a point of the picture can have in the cell's box: a sphere
-    around a wide flat cell reaches far above the ground, to where the eye is.
-
-    Parameters
-    ----------
-    centre, radius_m : of the bounding sphere
-    half_m : (3,) half the sides of the box: east, north, up at the centre
-    """
-    cx, cy, cz = centre[0], centre[1], centre[2]
-    x, y, z = cx - lens.eye[0], cy - lens.eye[1], cz - lens.eye[2]
-    fx, fy, fz = lens.forward[0], lens.forward[1], lens.forward[2]
-    level = max(math.sqrt(cx * cx + cy * cy), NEAR_M)
-    height = max(math.sqrt(cx * cx + cy * cy + cz * cz), NEAR_M)
-    ux, uy, uz = cx / height, cy / height, cz / height
-    ex, ey = -cy / level, cx / level
-    nx, ny, nz = -uz * ey, uz * ex, ux * ey - uy * ex
-    away = math.sqrt(x * x + y * y + z * z)
-    along = x * fx + y * fy + z * fz
-    reach = (
-        abs(fx * ex + fy * ey) * half_m[0] + abs(fx * ux + fy * uy + fz * uz) * half_m[2]
-    )
-    reach += abs(fx * nx + fy * ny + fz * nz) * half_m[1]
-    east = max(abs(x * ex + y * ey) - half_m[0], 0.0)
-    north = max(abs(x * nx + y * ny + z * nz) - half_m[1], 0.0)
-    up = max(abs(x * ux + y * uy + z * uz) - half_m[2], 0.0)
-    near = math.sqrt(east * east + north * north + up * up)
-    near = max(near, away - radius_m, NEAR_M)
-    depth = max(along - min(reach, radius_m), near * lens.corner_cos)
-    return float(lens.focal_px / depth * weight_of(lens, x, y, z, radius_m))
 
 
 @kernel

@@ -18,8 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.cell_error import error_px_per_m
 from geopage.drawn_meshes import COARSEN, rungs, skirts
-from geopage.screen_error import Lens, blur_px, error_px_per_m
+from geopage.screen_error import Lens, blur_px
 from geopage.tree import F4, F8, U1, Tree
 from tiles.forest import Rows
 from tiles.kernels import kernel
@@ -112,7 +113,9 @@ def refine(tree: Tree, lens: Lens, tau: float, uploaded: U1, before: U1) -> Plan
     while i < count:
         row = rows[i]
         c = tree.centre[row]
-        scale[i] = error_px_per_m(lens, c, tree.radius_m[row], tree.half_m[row])
+        scale[i] = error_px_per_m(
+            lens, c, tree.radius_m[row], tree.box_m[row], tree.box_rad[row]
+        )
         limit = tau
         if lens.sweep.shutter_s > 0.0:
             limit = max(tau, blur_px(lens, c[0], c[1], c[2], tree.radius_m[row]))

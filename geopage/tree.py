@@ -33,9 +33,12 @@ class Tree(NamedTuple):
     centre: F8
     """(n, 3) bounding sphere's centre, ECEF m"""
     radius_m: F8
-    half_m: F4
-    """(n, 3) half the sides of the box around a cell of terrain: east, north, up; the
-    sphere's radius for objects, which may reach out of their cell"""
+    box_m: F4
+    """(n, 5) half the sides of the box around a cell of terrain: east, north, up; and its
+    least and greatest height above the ellipsoid; the sphere's radius for objects, which
+    may reach out of their cell"""
+    box_rad: F8
+    """(n, 4) west, south, east, north of a cell of terrain; 0 for objects"""
     error_m: F4
     """what the threshold is held against: terrain mesh or texel, worst proxy of objects"""
     mesh_error_m: F4
@@ -72,7 +75,8 @@ def tree_of(forest: Forest, lane: Lane) -> Tree:
         np.ascontiguousarray(forest.links),
         np.ascontiguousarray(forest.centre),
         np.ascontiguousarray(forest.radius_m),
-        half_sides_m(forest, lane),
+        boxes_m(forest, lane),
+        np.stack(cells.bounds_rad(records["cell"]), axis=-1) * (1 - is_town),
         selected_m.astype(np.float32),
         error_m,
         none_m if is_town else rung_errors_m(records),
@@ -86,14 +90,15 @@ def tree_of(forest: Forest, lane: Lane) -> Tree:
     )
 
 
-def half_sides_m(forest: Forest, lane: Lane) -> F4:
-    """Return `Tree.half_m` of a forest."""
+def boxes_m(forest: Forest, lane: Lane) -> F4:
+    """Return `Tree.box_m` of a forest."""
     if lane is Lane.OBJECTS:
-        return np.repeat(forest.radius_m[:, None], 3, axis=1).astype(np.float32)
+        return np.repeat(forest.radius_m[:, None], 5, axis=1).astype(np.float32)
     own = forest.records
-    heights = own["min_height_m"].astype(np.float64), own["max_height_m"].astype(np.float64)
+    heights = own["min_height_m"], own["max_height_m"]
     half_m = bounds.half_sides_of(own["cell"], *heights, Ecef(forest.centre))
-    return np.nextafter(half_m.astype(np.float32), np.float32(np.inf))
+    half_m = np.nextafter(half_m.astype(np.float32), np.float32(np.inf))
+    return np.column_stack((half_m, *heights))
 
 
 @kernel

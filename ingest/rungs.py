@@ -54,15 +54,15 @@ def laddered(
 ) -> tuple[Surface, float, list[Rung]]:
     """Mesh a leaf as `fitted` does, and its rungs on the way.
 
-    Errors to reach are shares of the parent's bound, or of what is left of it on gentle
-    ground: half of it is the bound of an inner cell of the leaf's size.
+    Errors to reach are shares of `_most_m`; half of the parent's bound is the bound of an
+    inner cell of the leaf's size.
 
     Returns
     -------
     surface, error_m : of the whole mesh
     rungs : finer first
     """
-    most_m = min(2 * inner_bound_m(cell), (truths[0].high_m - truths[0].low_m) / 2)
+    most_m = _most_m(cell, bound_m, truths[0])
     if len(truths) > 1 or most_m < LEAST * bound_m:
         return *fitted(cell, places, bound_m, truths, leaf=True), []
     fitting = Fitting(cell, places, truths, leaf=True)
@@ -72,6 +72,16 @@ def laddered(
         fitting.take_all()
     whole, error_m = fitted(cell, places, bound_m, truths, leaf=True, begun=fitting)
     return whole, error_m, _kept(made, len(whole.triangles), error_m, SAVES)
+
+
+def _most_m(cell: int, bound_m: float, truth: Truth) -> float:
+    """Return its parent's bound, or what is left of it on gentle ground.
+
+    On ground that is flat but for the earth's curve it is all of it.
+    """
+    half_m = (truth.high_m - truth.low_m) / 2
+    most_m = 2 * inner_bound_m(cell)
+    return min(most_m, half_m) if half_m >= LEAST * bound_m else most_m
 
 
 def _on_the_way(

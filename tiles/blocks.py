@@ -1,23 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blocks of a terrain mesh: neighbouring triangles with a box, so that a part is drawn.
 
-A cell has SIDE x SIDE squares; a triangle belongs to that of its centroid. A mesh's
-triangles are sorted along a Morton curve, so each block is a range of its indices, and
-what a view sees of a mesh is a few ranges. Its skirt has four more: the cell's sides.
+A cell has BLOCKS blocks, 8 x 8 where it is about as wide as high, and fewer columns of
+more rows towards the poles; a triangle belongs to that of its centroid. A mesh's triangles
+are sorted along a Morton curve, so each block is a range of its indices, and what a view
+sees of a mesh is a few ranges. Its skirt has more: the parts of the cell's sides.
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tiles import cells
 from tiles.frames import Ecef, Floats, Ints
 from tiles.kernels import inlined, kernel
 from tiles.mesh import UV_ONE, VERTEX
 
-SIDE = 8
-BLOCKS = SIDE * SIDE
+BLOCK_BITS = 3
+BLOCKS = 1 << 2 * BLOCK_BITS
 SIDES = 4
 """of a skirt: south, east, north, west"""
-MOST_PIECES = BLOCKS + SIDES
+SIDE_PARTS = 8
+"""of a side, each as long"""
+SKIRT_PIECES = SIDES * SIDE_PARTS
+MOST_PIECES = BLOCKS + SKIRT_PIECES
 BITS = 10
 """of a centroid's place, east and north, by which triangles are sorted"""
 FEWEST = 64
@@ -65,7 +72,7 @@ def spots_of(vertices: NDArray[np.void], centre: Ecef) -> Floats:
 def in_sides(
     walls: NDArray[np.uint16], vertices: NDArray[np.void], spots: Floats
 ) -> tuple[NDArray[np.uint16], NDArray[np.void]] | None:
-    """Sort a skirt's triangles by the cell's sides.
+    """Sort a skirt's triangles by the parts of the cell's sides.
 
     Parameters
     ----------
@@ -75,36 +82,45 @@ def in_sides(
     Returns
     -------
     walls : (s, 3)
-    sides : (SIDES,) BLOCK, boxes of a skirt without depth; or None where a triangle is on
-        no side
+    sides : (SKIRT_PIECES,) BLOCK, boxes of a skirt without depth; or None where a triangle
+        is on no side
     """
-    ordered, count, low, high = _sides(walls, vertices["detail"], spots)
-    if count.sum() < len(walls):
+    part = _side_parts(walls, vertices["detail"])
+    if (part < 0).any():
         return None
-    return ordered, _boxed(count, low, high)
+    order = np.argsort(part, kind="stable")
+    return walls[order], _boxed(*_held(part, walls, spots, SKIRT_PIECES))
 
 
 @kernel
-def _sides(
-    walls: NDArray[np.uint16], uv: NDArray[np.uint16], spots: Floats
-) -> tuple[NDArray[np.uint16], Ints, Floats, Floats]:
-    """Take the triangles of each side in turn; see `_sorted`."""
-    ordered, n = np.empty_like(walls), 0
-    count = np.zeros(SIDES, np.int64)
-    low, high = np.full((SIDES, 3), np.inf), np.full((SIDES, 3), -np.inf)
-    for side in range(SIDES):
-        axis, edge = (side + 1) % 2, UV_ONE if side in (1, 2) else 0
-        for t in range(len(walls)):
-            corners = walls[t]
-            if uv[corners[0], axis] != edge or uv[corners[1], axis] != edge:
-                continue
-            if uv[corners[2], axis] != edge:
-                continue
-            ordered[n] = corners
-            n += 1
-            count[side] += 1
-            _widen(low[side], high[side], spots, corners)
-    return ordered, count, low, high
+def _side_parts(walls: NDArray[np.uint16], uv: NDArray[np.uint16]) -> Ints:
+    """Return the number of the part that each triangle is in, -1 where it is on no side."""
+    part = np.full(len(walls), -1)
+    for t in range(len(walls)):
+        for side in range(SIDES):
+            axis, edge = (side + 1) % 2, UV_ONE if side in (1, 2) else 0
+            there, along = True, 0
+            for k in range(3):
+                there = there and uv[walls[t, k], axis] == edge
+                along += uv[walls[t, k], 1 - axis]
+            if there:
+                nth = min(along * SIDE_PARTS // (3 * UV_ONE), SIDE_PARTS - 1)
+                part[t] = side * SIDE_PARTS + nth
+                break
+    return part
+
+
+@kernel
+def _held(
+    piece: Ints, triangles: NDArray[np.uint16], spots: Floats, pieces: int
+) -> tuple[Ints, Floats, Floats]:
+    """Count the triangles of pieces, and find their least and largest spots."""
+    count = np.zeros(pieces, np.int64)
+    low, high = np.full((pieces, 3), np.inf), np.full((pieces, 3), -np.inf)
+    for t in range(len(triangles)):
+        count[piece[t]] += 1
+        _widen(low[piece[t]], high[piece[t]], spots, triangles[t])
+    return count, low, high
 
 
 @inlined
@@ -125,8 +141,17 @@ def _boxed(count: Ints, low: Floats, high: Floats) -> NDArray[np.void]:
     return blocks
 
 
+def slimness(cell: int) -> int:
+    """Return how often a cell's columns of blocks are halved, and its rows doubled.
+
+    That makes blocks of a cell that is narrow for its height about square.
+    """
+    _, south, _, north = (float(side) for side in cells.bounds_rad(cell))
+    return min(round(-math.log2(math.cos((south + north) / 2)) / 2), BLOCK_BITS)
+
+
 def in_blocks(
-    triangles: NDArray[np.uint16], vertices: NDArray[np.void], spots: Floats
+    triangles: NDArray[np.uint16], vertices: NDArray[np.void], spots: Floats, slim: int
 ) -> tuple[NDArray[np.uint16], NDArray[np.void]]:
     """Sort a surface's triangles into blocks.
 
@@ -135,43 +160,31 @@ def in_blocks(
     triangles : (t, 3)
     vertices : (v,) VERTEX
     spots : (v, 3) of `spots_of`
+    slim : of `slimness`
 
     Returns
     -------
     triangles : (t, 3)
     blocks : (BLOCKS,) BLOCK
     """
-    ordered, count, low, high = _sorted(triangles, vertices["detail"], spots)
-    return ordered, _boxed(count, low, high)
+    code = _codes(triangles, vertices["detail"], slim)
+    held = _held(code * BLOCKS >> 2 * BITS, triangles, spots, BLOCKS)
+    return triangles[_order(code)], _boxed(*held)
 
 
 @kernel
-def _sorted(
-    triangles: NDArray[np.uint16], uv: NDArray[np.uint16], spots: Floats
-) -> tuple[NDArray[np.uint16], Ints, Floats, Floats]:
-    """Put triangles in order; count each block's, and find their least and largest spots.
-
-    Parameters
-    ----------
-    uv, spots : (v, 2) and (v, 3) of the vertices
-    """
+def _codes(triangles: NDArray[np.uint16], uv: NDArray[np.uint16], slim: int) -> Ints:
+    """Return codes of triangles' centroids: rows of 2 x `slim` bits, in each Morton's."""
     place = np.zeros((len(triangles), 2), np.int64)
     for t in range(len(triangles)):
         for k in range(3):
             for axis in range(2):
                 place[t, axis] += uv[triangles[t, k], axis]
-    code = morton(np.minimum((place << BITS) // (3 * UV_ONE), (1 << BITS) - 1))
-    count = np.zeros(BLOCKS, np.int64)
-    low, high = np.full((BLOCKS, 3), np.inf), np.full((BLOCKS, 3), -np.inf)
-    for t in range(len(triangles)):
-        block = code[t] * BLOCKS >> 2 * BITS
-        count[block] += 1
-        _widen(low[block], high[block], spots, triangles[t])
-    ordered, order = np.empty_like(triangles), _order(code)
-    for t in range(len(triangles)):
-        for k in range(3):
-            ordered[t, k] = triangles[order[t], k]
-    return ordered, count, low, high
+    place = np.minimum((place << BITS) // (3 * UV_ONE), (1 << BITS) - 1)
+    row = place[:, 1] >> BITS - 2 * slim
+    place[:, 1] = (place[:, 1] << 2 * slim) & (1 << BITS) - 1
+    codes: Ints = row << 2 * BITS - 2 * slim | morton(place) >> 2 * slim
+    return codes
 
 
 @kernel

@@ -18,9 +18,10 @@ from tiles.blocks import (
     BLOCK,
     FEWEST,
     MOST_PIECES,
-    SIDES,
+    SKIRT_PIECES,
     in_blocks,
     in_sides,
+    slimness,
     spots_of,
 )
 from tiles.codec import header_of, pack, unpack
@@ -54,7 +55,7 @@ def no_rungs() -> NDArray[np.void]:
 
 def no_pieces() -> NDArray[np.void]:
     """Return what a tile has whose meshes are drawn whole."""
-    return np.zeros((0, SIDES), BLOCK)
+    return np.zeros((0, SKIRT_PIECES), BLOCK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +76,8 @@ class TerrainTile:
     rungs: NDArray[np.void] = field(default_factory=no_rungs)
     """(r,) RUNG, finer first"""
     pieces: NDArray[np.void] = field(default_factory=no_pieces)
-    """(1 + r, MOST_PIECES) BLOCK of the whole mesh and its rungs: blocks, then the skirt's
-    sides; (1 + r, SIDES) where surfaces are small; or none"""
+    """(1 + r, MOST_PIECES) BLOCK of the whole mesh and its rungs: blocks, then the parts of
+    the skirt's sides; (1 + r, SKIRT_PIECES) where surfaces are small; or none"""
 
     def parts(self) -> NDArray[np.void]:
         """Return what can be drawn, as RUNG: the whole mesh, then the rungs."""
@@ -100,7 +101,7 @@ def in_pieces(tile: TerrainTile) -> TerrainTile:
     if most > MOST_IN_BLOCK:
         return replace(tile, pieces=no_pieces())
     indices, pieces = mesh.indices.copy(), []
-    spots = spots_of(mesh.vertices, mesh.centre)
+    spots, slim = spots_of(mesh.vertices, mesh.centre), slimness(tile.cell)
     for first, count, total in parts[
         ["first_index", "surface_index_count", "index_count"]
     ].tolist():
@@ -112,7 +113,7 @@ def in_pieces(tile: TerrainTile) -> TerrainTile:
             return replace(tile, pieces=no_pieces())
         walls[:], sides = skirt
         if tile.surface_index_count >= 3 * FEWEST:
-            surface[:], blocks = in_blocks(surface, mesh.vertices, spots)
+            surface[:], blocks = in_blocks(surface, mesh.vertices, spots, slim)
             sides = np.concatenate([blocks, sides])
         pieces.append(sides)
     return replace(tile, mesh=replace(mesh, indices=indices), pieces=np.stack(pieces))
@@ -162,14 +163,14 @@ def _tables(head: np.void, tail: memoryview) -> tuple[NDArray[np.void], NDArray[
         or count
         not in (
             0,
-            SIDES,
+            SKIRT_PIECES,
             MOST_PIECES,
         )
     ):
         raise TileFault("TERRAIN", str(int(head["cell"])), "its parts have another length")
     end = TEXTURE_BYTES + rungs * RUNG.itemsize
     table = np.frombuffer(tail[:end], RUNG, offset=TEXTURE_BYTES)
-    return table, np.frombuffer(tail[end:], BLOCK).reshape(-1, count or SIDES)
+    return table, np.frombuffer(tail[end:], BLOCK).reshape(-1, count or SKIRT_PIECES)
 
 
 def _require_parts(tile: TerrainTile) -> None:
@@ -186,7 +187,7 @@ def _require_parts(tile: TerrainTile) -> None:
         fault = "a rung beyond its indices"
     elif len(tile.pieces):
         counts = 3 * tile.pieces["count"].astype(np.int64)
-        blocks, sides = counts[:, :-SIDES], counts[:, -SIDES:]
+        blocks, sides = counts[:, :-SKIRT_PIECES], counts[:, -SKIRT_PIECES:]
         if blocks.size and (blocks.sum(axis=1) != surface).any():
             fault = "its blocks are not its surface"
         elif (sides.sum(axis=1) != whole - surface).any():

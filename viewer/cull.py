@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.cell_error import error_px_per_m
 from geopage.screen_error import (
     STILL,
     Lens,
     Sweep,
-    error_px_per_m,
     is_hidden,
     lens_of,
 )
@@ -119,8 +119,8 @@ class Lists(NamedTuple):
     slots: NDArray[np.void]
     centre: NDArray[np.float64]
     radius_m: NDArray[np.float64]
-    half_m: NDArray[np.float32]
-    """(n, 3) `Tree.half_m`"""
+    box_m: NDArray[np.float32]
+    """(n, 5) `Tree.box_m`"""
     records: NDArray[np.void]
     pieces: NDArray[np.void]
     """(layers, 1 + MOST_RUNGS, MOST_PIECES) of terrain tiles, by texture layer"""
@@ -146,7 +146,7 @@ def terrain_runs(
     # What sinks is drawn elsewhere than its boxes say.
     if _may_sink(lists, row, eye):
         return whole_run(slot, part, runs)
-    sphere, view = (lists.centre[row], lists.radius_m[row]), (eye.lens.eye, eye.planes)
+    sphere, view = (lists.centre[row], lists.radius_m[row]), (eye.lens, eye.planes)
     reach_m = SKIRT_REACH * skirt_m
     margin_m = 2 * skirt_m + ROUNDED * slot["scale_m"]
     sides = faces(slot["box_rad"], eye.lens.eye, eye.place[0], margin_m)
@@ -215,7 +215,9 @@ def cull_terrain(
         if counts[n] == 0:
             continue
         record = lists.records[row]
-        scale = error_px_per_m(eye.lens, centre, lists.radius_m[row], lists.half_m[row])
+        scale = error_px_per_m(
+            eye.lens, centre, lists.radius_m[row], lists.box_m[row], slot["box_rad"]
+        )
         error_px = scale * max(slot["part_error_m"][part], record["texel_m"])
         fill(room.instances[n], slot, eye.lens.eye, entry, error_px)
         room.instances[n, 7] = skirt_m[entry]

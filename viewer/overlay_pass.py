@@ -51,14 +51,14 @@ class OverlayPass:
 
     Parameters
     ----------
-    centre, half_m : (n, 3) of the boxes of the terrain's rows, `tree.half_sides_m`
+    centre, box_m : (n, 3) and (n, 5) of the boxes of the terrain's rows, `tree.boxes_m`
     """
 
     def __init__(
-        self, calls: Gl, frame: FrameTable, centre: Floats, half_m: NDArray[np.float32]
+        self, calls: Gl, frame: FrameTable, centre: Floats, box_m: NDArray[np.float32]
     ) -> None:
         self._gl, self._frame = calls, frame
-        self._centre, self._half_m = centre, half_m
+        self._centre, self._box_m = centre, box_m
         self._programs = {lane: make_program(calls.context, lane) for lane in Lane}
         self._box_program = make_box_program(calls.context)
         self._boxes = calls.context.buffer(reserve=BOX_FLOATS * 4, dynamic=True)
@@ -176,7 +176,7 @@ class OverlayPass:
         rows = drawn.terrain[entries]
         boxes = np.zeros((len(rows), BOX_FLOATS), np.float32)
         boxes[:, :3] = self._centre[rows] - self._eye
-        boxes[:, 4:7] = self._half_m[rows]
+        boxes[:, 4:7] = self._box_m[rows, :3]
         boxes[:, 7] = drawn.stand_in[entries]
         boxes[:, 8:11] = self._centre[rows] / WGS84_A_M
         return boxes

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from geopage.draw_list import DrawList
 from geopage.styling import Styling
-from geopage.tree import half_sides_m
+from geopage.tree import boxes_m
 from geopage.view import ViewState
 from tiles.forest import Forest
 from tiles.frames import Ecef, Floats
@@ -57,7 +57,7 @@ class Renderer:
         made = context or gl.open_headless()
         self.gl = made if isinstance(made, Gl) else Gl(made)
         self.forests = forests
-        self._half_m = {lane: half_sides_m(forests[lane], lane) for lane in forests}
+        self._box_m = {lane: boxes_m(forests[lane], lane) for lane in forests}
         self.size_px, self._supersample = size_px, supersample
         self.culls = True
         """False: what is outside the picture's sides is drawn, too, to see what it costs"""
@@ -155,7 +155,7 @@ class Renderer:
         if self.overlay == OFF or self._last is None:
             return
         if self._overlay_pass is None:
-            boxes = self.forests[Lane.TERRAIN].centre, self._half_m[Lane.TERRAIN]
+            boxes = self.forests[Lane.TERRAIN].centre, self._box_m[Lane.TERRAIN]
             self._overlay_pass = OverlayPass(self.gl, self._frame, *boxes)
         view, drawn, counts = self._last
         self._overlay_pass.draw(self.overlay, drawn, counts, view.eye)
@@ -211,7 +211,7 @@ class Renderer:
     def lists(self, lane: Lane, rows: NDArray[np.int32]) -> cull.Lists:
         """Return the rows of a lane with the arrays that they point to, for kernels."""
         forest, slots = self.forests[lane], self.arena.slots[lane]
-        boxes = forest.centre, forest.radius_m, self._half_m[lane]
+        boxes = forest.centre, forest.radius_m, self._box_m[lane]
         return cull.Lists(rows, slots, *boxes, forest.records, self.arena.pieces)
 
     def read_rgb(self) -> NDArray[np.uint8]:

@@ -75,7 +75,9 @@ def within(seen: Situation, ahead_s: float) -> Selection:
     turn_rad = max(turn_rad_s, LEAST_TURN_RAD_S) * ahead_s
     trees = {
         lane: tree._replace(
-            radius_m=tree.radius_m + reach_m, half_m=tree.half_m + np.float32(reach_m)
+            radius_m=tree.radius_m + reach_m,
+            box_m=tree.box_m + np.float32(reach_m),
+            box_rad=np.zeros_like(tree.box_rad),
         )
         for lane, tree in seen.trees.items()
     }

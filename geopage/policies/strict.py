@@ -9,9 +9,9 @@ are asked for as by `demand`.
 
 import numpy as np
 
+from geopage.cell_error import error_px_per_m
 from geopage.policies.demand import by_error
 from geopage.policies.protocol import LeastRecentlyUsed, Plan, Situation, in_order
-from geopage.screen_error import error_px_per_m
 from geopage.tree import F8
 from tiles.forest import Rows
 from tiles.lanes import Lane
@@ -38,7 +38,11 @@ class Strict(LeastRecentlyUsed):
             [
                 tree.error_m[row]
                 * error_px_per_m(
-                    lens, tree.centre[row], tree.radius_m[row], tree.half_m[row]
+                    lens,
+                    tree.centre[row],
+                    tree.radius_m[row],
+                    tree.box_m[row],
+                    tree.box_rad[row],
                 )
                 for row in coarse.tolist()
             ]

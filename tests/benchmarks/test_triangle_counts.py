@@ -36,7 +36,7 @@ from ingest.terrain_tile import LEAF_SIDE, inner_bound_m
 from ingest.truth import Truth, places_of, points_at, truth_of
 from tests.benchmarks.test_sampled_heights import cut
 from tests.benchmarks.view_exact import Ground, Meshed, in_picture
-from tests.geopage.screen_error_oracle import error_px_per_m_of
+from tests.geopage.screen_error_oracle import scales_of
 from tests.geopage.worlds import view_at
 from tests.ingest.rasters import EGM96, Floats, deviation_of, leaf_at
 from tiles import cells, terrain
@@ -351,9 +351,7 @@ def per_view(world: World, ground: Ground, view: ViewState) -> View:
     """Count a view's triangles, and those of its floors."""
     seen = visible(world, ground.region, view)
     rows, eye = list(seen), eye_of(view)
-    centre, radius_m = world.forest.centre[rows], world.forest.radius_m[rows]
-    half_m = world.tree.half_m[rows]
-    scale = error_px_per_m_of(lens_of(view), centre, radius_m.astype(np.float64), half_m)
+    scale = scales_of(lens_of(view), world.tree)[rows]
     pieces = pieces_shown = in_picture = 0
     counts = {"whole leaves": 0, "rungs of leaves": 0, "inner cells": 0}
     for row, px_per_m in zip(rows, scale.tolist(), strict=True):

@@ -6,7 +6,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from geopage.cell_error import error_px_per_m
+from geopage.ground_depth import least_depth_m
 from geopage.screen_error import HIDDEN, NEAR_M, OUTSIDE, Lens
+from geopage.tree import Tree
+from tiles.frames import Floats
+from tiles.kernels import kernel
 
 ANGLES = np.linspace(0.0, 1.0, 2001)
 
@@ -29,24 +34,37 @@ def px_per_m_of(
     return np.asarray(lens.focal_px / least * _weights(lens, offset, radius_m))
 
 
+@kernel
+def scales_of(lens: Lens, tree: Tree) -> Floats:
+    """`error_px_per_m` of all cells of terrain."""
+    found = np.empty(len(tree.parent))
+    for row in range(len(found)):
+        boxes = tree.box_m[row], tree.box_rad[row]
+        found[row] = error_px_per_m(lens, tree.centre[row], tree.radius_m[row], *boxes)
+    return found
+
+
 def error_px_per_m_of(
     lens: Lens,
     centre: NDArray[np.float64],
     radius_m: NDArray[np.float64],
-    half_m: NDArray[np.float32],
+    box_m: NDArray[np.float32],
 ) -> NDArray[np.float64]:
-    """`error_px_per_m` of n cells."""
+    """`error_px_per_m` of n cells that are one piece; test_ground_depth.py has ground."""
     offset = centre - lens.eye
     up = centre / np.linalg.norm(centre, axis=1, keepdims=True)
     east = np.cross((0.0, 0.0, 1.0), centre)
     east /= np.linalg.norm(east, axis=1, keepdims=True)
     axes = np.stack((east, np.cross(up, east), up), axis=1)
-    beside = np.maximum(np.abs(np.einsum("nij,nj->ni", axes, offset)) - half_m, 0.0)
+    beside = np.maximum(np.abs(np.einsum("nij,nj->ni", axes, offset)) - box_m[:, :3], 0.0)
     near = np.linalg.norm(beside, axis=1)
     near = np.maximum(near, np.linalg.norm(offset, axis=1) - radius_m)
-    reach = (np.abs(axes @ lens.forward) * half_m).sum(axis=1)
+    reach = (np.abs(axes @ lens.forward) * box_m[:, :3]).sum(axis=1)
     depth = offset @ lens.forward - np.minimum(reach, radius_m)
     depth = np.maximum(depth, np.maximum(near, NEAR_M) * lens.corner_cos)
+    half = lens.width_px / 2 / lens.focal_px, lens.height_px / 2 / lens.focal_px
+    view = lens.eye, lens.rotation, half
+    depth = np.maximum(depth, [least_depth_m(*view, float(high)) for high in box_m[:, 4]])
     return np.asarray(lens.focal_px / depth * _weights(lens, offset, radius_m))
 
 

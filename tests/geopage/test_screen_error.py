@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from geopage.cell_error import error_px_per_m
 from geopage.prediction import rotation_of
 from geopage.screen_error import (
     HIDDEN,
@@ -14,7 +15,6 @@ from geopage.screen_error import (
     Lens,
     Sweep,
     blur_px,
-    error_px_per_m,
     is_hidden,
     lens_of,
     px_per_m,
@@ -73,16 +73,22 @@ def test_no_drawn_point_of_a_cell_is_nearer_than_its_error_counts(
     low = rng.uniform(-500, 500, 20)
     high = low + rng.uniform(0, 1000, 20)
     centre, radius = bounds.sphere_of(cell, low, high)
-    half = bounds.half_sides_of(cell, low, high, centre).astype(np.float32) * 1.0001
-    boxes = centre, radius, np.asarray(half, np.float32)
-    each = [error_px_per_m(lens, *one) for one in zip(*boxes, strict=True)]
-    np.testing.assert_allclose(error_px_per_m_of(lens, *boxes), each, rtol=1e-6)
+    half = bounds.half_sides_of(cell, low, high, centre)
+    boxes = centre, radius, (np.column_stack((1.0001 * half, low, high))).astype(np.float32)
+    box_rad = np.stack(cells.bounds_rad(cell), axis=-1)
+    whole = [error_px_per_m(lens, *one) for one in zip(*boxes, 0 * box_rad, strict=True)]
+    np.testing.assert_allclose(error_px_per_m_of(lens, *boxes), whole, rtol=1e-6)
+    each = [error_px_per_m(lens, *one) for one in zip(*boxes, box_rad, strict=True)]
+    assert (np.array(each) <= whole).all()
     west, south, east, north = (side[:, None] for side in cells.bounds_rad(cell))
     u, v, w = rng.random((3, 20, 200))
     place = west + u * (east - west), south + v * (north - south)
     offset = geodesy.to_ecef(*place, low[:, None] + w * (high - low)[:, None]) - view.eye
     depth = offset @ view.forward
-    drawn = depth > np.linalg.norm(offset, axis=-1) * view.corner_cos
+    x, y, _ = np.abs(np.moveaxis(offset @ view.rotation.T, -1, 0)) * view.focal_px
+    drawn = (
+        (depth > 0) & (x <= depth * view.width_px / 2) & (y <= depth * view.height_px / 2)
+    )
     most = np.where(drawn, view.focal_px / np.maximum(depth, 1e-9), 0.0).max(axis=1)
     counted = np.array(each)
     hidden = [

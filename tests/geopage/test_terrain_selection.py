@@ -9,7 +9,7 @@ from geopage.screen_error import Lens, lens_of
 from geopage.selection import Selection, Thresholds, everything, select, trees_of
 from geopage.tree import U1, Tree
 from geopage.view import ViewState
-from tests.geopage.screen_error_oracle import error_px_per_m_of
+from tests.geopage.screen_error_oracle import scales_of
 from tests.geopage.worlds import SPOT, deep_globe, object_records, view_at
 from tiles import cells
 from tiles.forest import Rows, build_forest
@@ -61,7 +61,7 @@ def assert_covers_the_globe_once(drawn: Rows) -> None:
 
 
 def brute_force_targets(tree: Tree, lens: Lens, tau: float) -> set[int]:
-    scale = error_px_per_m_of(lens, tree.centre, tree.radius_m, tree.half_m)
+    scale = scales_of(lens, tree)
 
     def below(row: int) -> set[int]:
         if tree.error_m[row] * scale[row] <= tau or tree.children[row].min() < 0:
@@ -112,8 +112,7 @@ def test_nothing_is_drawn_twice_before_all_zones_are_there(
 def test_with_everything_uploaded_the_threshold_holds(view: ViewState) -> None:
     lens = lens_of(view)
     chosen = select(TREES, lens, everything(TREES), LIMITS)
-    boxes = LAND.centre, LAND.radius_m, LAND.half_m
-    error_px = LAND.error_m * error_px_per_m_of(lens, *boxes)
+    error_px = LAND.error_m * scales_of(lens, LAND)
     leaf = LAND.children.min(axis=1) < 0
     assert (leaf[chosen.terrain] | (error_px[chosen.terrain] <= 2.0)).all()
     assert not chosen.stand_in.any()
@@ -230,7 +229,7 @@ def test_the_coarsest_mesh_within_the_threshold_is_drawn() -> None:
     forests = {**FORESTS, Lane.TERRAIN: build_forest(records)}
     trees = trees_of(forests)
     land, lens = trees[Lane.TERRAIN], lens_of(view_at(2e3))
-    scale = error_px_per_m_of(lens, land.centre, land.radius_m, land.half_m)
+    scale = scales_of(lens, land)
     seen: set[int] = set()
     inner: set[int] = set()
     for px in np.geomspace(0.1, 400.0, 60).tolist():

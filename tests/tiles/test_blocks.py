@@ -10,14 +10,16 @@ from tests.viewer.worlds import one_colour, terrain_tile
 from tiles import cells, terrain
 from tiles.blocks import (
     BITS,
+    BLOCK_BITS,
     BLOCKS,
     BOX_STEPS,
     FEWEST,
     MOST_PIECES,
-    SIDE,
-    SIDES,
+    SIDE_PARTS,
+    SKIRT_PIECES,
     axes_of,
     morton,
+    slimness,
 )
 from tiles.errors import TileFault
 from tiles.frames import Floats
@@ -70,10 +72,14 @@ def test_blocks_are_all_triangles_each_in_the_square_of_its_middle(seed: int) ->
         assert as_set(after.surface(rung)) == as_set(before.surface(rung))
         for number, triangles in ranges(after, rung):
             at = after.mesh.vertices["detail"][triangles].astype(float).mean(axis=1)
-            col, row = np.floor(at.T * SIDE / UV_ONE).astype(int)
-            for bit in range(3):
+            slim = slimness(before.cell)
+            columns = np.array((8 >> slim, 8 << slim))
+            col, row = np.floor(at.T * columns[:, None] / UV_ONE).astype(int)
+            for bit in range(BLOCK_BITS - slim):
                 assert (col >> bit & 1 == number >> 2 * bit & 1).all()
                 assert (row >> bit & 1 == number >> 2 * bit + 1 & 1).all()
+            most = 2 * (BLOCK_BITS - slim)
+            assert (row >> BLOCK_BITS - slim == number >> most).all()
     assert after.mesh.vertices.tobytes() == before.mesh.vertices.tobytes()
 
 
@@ -104,7 +110,15 @@ def test_boxes_are_not_much_larger_than_their_blocks() -> None:
     box = tile.pieces[0, :BLOCKS]
     sides = box["high"].astype(float) - box["low"]
     whole = 2 * 32767 / BOX_STEPS
-    assert (sides[:, :2] < 1.5 * whole / SIDE + 3).all()
+    assert (sides[:, :2] < 1.5 * whole / 8 + 3).all()
+
+
+@pytest.mark.parametrize("lat_deg", [0.0, 50.0, 70.0, 80.0, 88.0])
+def test_blocks_are_about_square_up_to_the_poles(lat_deg: float) -> None:
+    lat, level = np.radians(lat_deg), 6
+    slim = slimness(int(cells.cell_at(0.1, lat, level)))
+    wide, high = np.cos(lat) / (8 >> slim), 1.0 / (8 << slim)
+    assert 0.4 < wide / high < 2.5
 
 
 def skirt_of(tile: TerrainTile, rung: int) -> np.ndarray:
@@ -115,7 +129,7 @@ def skirt_of(tile: TerrainTile, rung: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_skirt_is_sorted_by_sides_each_in_its_box(seed: int) -> None:
+def test_a_skirt_is_sorted_by_parts_of_sides_each_in_its_box(seed: int) -> None:
     before = rough(seed, 500.0)
     after = in_pieces(before)
     at = after.mesh.vertices["detail"]
@@ -123,13 +137,16 @@ def test_a_skirt_is_sorted_by_sides_each_in_its_box(seed: int) -> None:
     steps = after.mesh.vertices["position"].astype(float) @ axes_of(after.mesh.centre).T
     for rung in (0, 1):
         assert as_set(skirt_of(after, rung)) == as_set(skirt_of(before, rung))
-        sides = after.pieces[rung, -SIDES:]
-        parts = np.split(skirt_of(after, rung), np.cumsum(sides["count"])[:-1])
-        for part, side, is_on in zip(parts, sides, edges, strict=True):
-            assert len(part) == 2 * 32
-            assert is_on[part].all()
-            assert (steps[part] >= BOX_STEPS * side["low"].astype(float) - 1e-6).all()
-            assert (steps[part] <= BOX_STEPS * side["high"].astype(float) + 1e-6).all()
+        pieces = after.pieces[rung, -SKIRT_PIECES:]
+        parts = np.split(skirt_of(after, rung), np.cumsum(pieces["count"])[:-1])
+        for number, (part, piece) in enumerate(zip(parts, pieces, strict=True)):
+            side, nth = divmod(number, SIDE_PARTS)
+            along = at[part, side % 2].mean(axis=1) * SIDE_PARTS / UV_ONE
+            assert len(part) == 2 * 32 / SIDE_PARTS
+            assert edges[side][part].all()
+            assert ((along >= nth) & (along <= nth + 1)).all()
+            assert (steps[part] >= BOX_STEPS * piece["low"].astype(float) - 1e-6).all()
+            assert (steps[part] <= BOX_STEPS * piece["high"].astype(float) + 1e-6).all()
 
 
 def test_a_skirt_that_is_not_on_the_cells_edge_leaves_a_tile_whole() -> None:
@@ -141,7 +158,7 @@ def test_a_skirt_that_is_not_on_the_cells_edge_leaves_a_tile_whole() -> None:
 def test_small_meshes_have_no_blocks() -> None:
     side = int(np.sqrt(FEWEST / 2))
     few = terrain_tile(int(cells.cell_at(0.1, 0.2, 9)), one_colour((9, 9, 9)), side)
-    assert few.pieces.shape == (1, SIDES)
+    assert few.pieces.shape == (1, SKIRT_PIECES)
     found = terrain.decode(terrain.encode(few))
     assert found.pieces.tobytes() == few.pieces.tobytes()
 
@@ -188,6 +205,7 @@ def test_triangles_lie_along_a_morton_curve_and_those_of_one_place_stay_in_order
     middle = before.mesh.vertices["detail"].astype(np.int64)[triangles].sum(axis=1)
     place = np.minimum((middle << BITS) // (3 * UV_ONE), (1 << BITS) - 1)
     code = morton(place)
+    assert slimness(before.cell) == 0
     digits = [format(one, f"0{BITS}b") for one in place.ravel().tolist()]
     pairs = zip(digits[::2], digits[1::2], strict=True)
     woven = [int("".join(y + x for x, y in zip(*two, strict=True)), 2) for two in pairs]

@@ -97,7 +97,8 @@ def test_geopage_sample_warns_of_heights_that_may_be_far_off(
     fine, coarse, _, nothing = json.loads(said.out)["points"]
     assert said.err == ""
     assert fine["source"] == "inset"
-    assert fine["error_m"] <= 10
+    # Its leaf holds a part of the feather too, where the coarse posts bend.
+    assert fine["error_m"] <= 20
     assert "warning" not in fine
     assert coarse["error_m"] > 10
     assert "of coarse, which are 2," in coarse["warning"]

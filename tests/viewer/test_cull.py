@@ -75,7 +75,7 @@ def test_the_far_side_of_the_globe_is_culled() -> None:
 
 def cubes(radius: Floats) -> NDArray[np.float32]:
     """Boxes that say no more than the spheres."""
-    return np.repeat(radius[:, None], 3, axis=1).astype(np.float32)
+    return np.repeat(radius[:, None], 5, axis=1).astype(np.float32)
 
 
 def terrain_lists(rng: np.random.Generator, n: int) -> cull.Lists:
@@ -172,7 +172,7 @@ def test_commands_run_from_near_to_far(rng: np.random.Generator) -> None:
 def test_tiles_of_a_kind_lie_together_and_are_counted(rng: np.random.Generator) -> None:
     """With large texels or coarse data, with water, both, or neither."""
     lists = terrain_lists(rng, 300)
-    lists.radius_m[:], lists.half_m[:] = 1.0, 1.0
+    lists.radius_m[:], lists.box_m[:] = 1.0, 1.0
     lists.slots["uploaded"] = 1
     lists.slots["noise"][:, 2] = 1.0
     lists.slots["noise"][::3, 2] = 1e7

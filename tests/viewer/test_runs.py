@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is left out of a terrain tile is not in the picture, and nothing else is."""
+"""What is left out of a terrain tile is not in the picture, or behind the planet."""
 
 import math
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from geopage.screen_error import LOWEST_M
 from geopage.view import ViewState
 from tests.viewer.worlds import (
     ROOTS,
@@ -19,7 +20,7 @@ from tests.viewer.worlds import (
 )
 from tiles import cells, geodesy
 from tiles.blocks import MOST_PIECES
-from tiles.frames import Ecef, Floats
+from tiles.frames import WGS84_B_M, Ecef, Floats
 from tiles.lanes import Lane
 from tiles.mesh import SKIRT, UV_ONE
 from tiles.terrain import MOST_RUNGS, TerrainTile
@@ -89,7 +90,7 @@ def uploaded(world: World) -> tuple[cull.Lists, NDArray[np.int32]]:
         slot["box_rad"] = cells.bounds_rad(tile.cell)
         put_parts(slot, pieces[row], tile)
     rows = np.array(sorted(world.terrain), np.int32)
-    boxes = np.repeat(forest.radius_m[:, None], 3, axis=1).astype(np.float32)
+    boxes = np.repeat(forest.radius_m[:, None], 5, axis=1).astype(np.float32)
     spheres = forest.centre, forest.radius_m, boxes
     return cull.Lists(rows, slots, *spheres, forest.records, pieces), rows
 
@@ -124,13 +125,18 @@ def walls(tile: TerrainTile) -> tuple[Floats, Floats, Floats]:
 
 
 def in_picture(view: ViewState, corners: Floats) -> NDArray[np.bool_]:
-    """Say which triangles (t, 3, 3) have one of many of their points in the picture."""
+    """Say which triangles (t, 3, 3) have one of many of their points in the picture.
+
+    A point has set where the way to it from the eye goes through a sphere below all ground.
+    """
     steps = np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) / 4
-    x, y, depth = np.moveaxis(
-        project(view, np.einsum("pk,tkx->tpx", steps, corners)), -1, 0
-    )
+    points = np.einsum("pk,tkx->tpx", steps, corners)
+    x, y, depth = np.moveaxis(project(view, points), -1, 0)
     inside = (depth > 0) & (x >= 0) & (x <= SIZE[0]) & (y >= 0) & (y <= SIZE[1])
-    return np.asarray(inside.any(axis=1))
+    way = points - view.eye
+    part = np.clip(-(way @ view.eye) / (way**2).sum(axis=-1), 0.0, 1.0)
+    nearest_m = np.linalg.norm(view.eye + part[..., None] * way, axis=-1)
+    return np.asarray((inside & (nearest_m > WGS84_B_M - LOWEST_M)).any(axis=1))
 
 
 @pytest.mark.parametrize("level", [0, 5, 9])
@@ -167,6 +173,17 @@ def test_all_triangles_in_the_picture_are_in_a_run(
     assert (left_out > 3000).all()
 
 
+def test_what_has_set_is_left_out() -> None:
+    """From 20 km high the horizon is at about 500 km; a zone is 5,000 km wide."""
+    world = around(0.2, 0.3, 0)
+    lists, _ = uploaded(world)
+    view = view_state(Pose(0.4, 0.4, 20_000.0, 4.0, -0.1), SIZE)
+    row = int(world.forests[Lane.TERRAIN].row_of(int(cells.cell_at(0.2, 0.3, 0))))
+    tile, runs = world.terrain[row], runs_of(lists, row, view)
+    shown = in_picture(view, tile.mesh.local[tile.surface()] + tile.mesh.centre).sum()
+    assert 3 * shown < runs[:, 1].sum() < 0.4 * len(tile.mesh.indices)
+
+
 def test_a_surface_wholly_in_the_picture_or_small_is_in_one_run() -> None:
     world = around(0.2, 0.3, 9)
     lists, rows = uploaded(world)
@@ -174,7 +191,9 @@ def test_a_surface_wholly_in_the_picture_or_small_is_in_one_run() -> None:
     for row in rows.tolist():
         tile = world.terrain[row]
         runs = runs_of(lists, row, view).tolist()
-        if int(cells.level(tile.cell)) == 9 or len(tile.surface()) < 64:
+        below = int(cells.level(tile.cell)) == 9
+        assert runs or not below
+        if below or (runs and len(tile.surface()) < 64):
             assert runs[0][0] == 0
             assert runs[0][1] >= tile.surface_index_count
 

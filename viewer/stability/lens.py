@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 
-from geopage.screen_error import NEAR_M, error_px_per_m, is_hidden, lens_of, px_per_m
+from geopage.cell_error import error_px_per_m
+from geopage.screen_error import NEAR_M, is_hidden, lens_of, px_per_m
 from geopage.view import ViewState
 from tiles import cells, geodesy
 from tiles.frames import Ecef, Floats
@@ -76,7 +77,9 @@ def underrated_ground(place: Place, fov_rad: float, views: int) -> tuple[float, 
         if not inside.any() or is_hidden(lens, x, y, z, tree.radius_m[row]):
             continue
         most = view.focal_px / float(seen[inside, 2].min())
-        bound = error_px_per_m(lens, centre, tree.radius_m[row], tree.half_m[row])
+        bound = error_px_per_m(
+            lens, centre, tree.radius_m[row], tree.box_m[row], tree.box_rad[row]
+        )
         away_m = max(math.hypot(x, y, z) - float(tree.radius_m[row]), NEAR_M)
         ours, others = (
             max(ours, most / bound),
