@@ -2,10 +2,10 @@
 """How many pixels a metre of error can take in a cell of terrain.
 
 That is focal / view depth (design: an error is a distance x focal / view depth), for the
-least depth that a point of the picture can have in the cell. Three bounds of it are held
-together: of the cell's box, of the ground anywhere in the picture, and of each of the
-cell's pieces. These are small, so that what lies outside of the picture, or behind the
-planet, counts less, and a cell that narrows to a pole is no wider than it is.
+least depth that a point of the picture can have in the cell. Of three bounds of it the
+largest holds: that of the cell's box, that of the ground anywhere in the picture, and that
+of the nearest of the cell's pieces: a cell that narrows to a pole fills no box. All change
+little when the eye moves little, so that detail does not come and go.
 """
 
 import math
@@ -47,10 +47,9 @@ def error_px_per_m(
     half = lens.width_px / 2 / lens.focal_px, lens.height_px / 2 / lens.focal_px
     depth_m = least_depth_m(lens.eye, lens.rotation, half, box_m[4])
     depth_m = max(depth_m, _box_depth_m(lens, centre, radius_m, box_m))
-    scale = lens.focal_px / depth_m * weight_of(lens, x, y, z, radius_m)
     if box_rad[2] > box_rad[0] and radius_m > SMALL * depth_m:
-        scale = min(scale, _most_of_pieces(lens, box_m, box_rad, depth_m))
-    return float(scale)
+        depth_m = max(depth_m, _piece_depth_m(lens, box_m, box_rad))
+    return float(lens.focal_px / depth_m * weight_of(lens, x, y, z, radius_m))
 
 
 @kernel
@@ -79,24 +78,19 @@ def _box_depth_m(
 
 
 @kernel
-def _most_of_pieces(
-    lens: Lens,
-    box_m: NDArray[np.float32],
-    box_rad: NDArray[np.float64],
-    least_m: float,
+def _piece_depth_m(
+    lens: Lens, box_m: NDArray[np.float32], box_rad: NDArray[np.float64]
 ) -> float:
-    """Return the most pixels that a metre takes in the spheres around a cell's pieces.
+    """Return the least depth that a point of the picture can have in spheres around pieces.
 
-    Parameters
-    ----------
-    least_m : no point is less deep
+    The pieces are about square.
     """
     west, south, east, north = box_rad[0], box_rad[1], box_rad[2], box_rad[3]
     wide, high = east - west, north - south
     narrow = high / (wide * math.cos((south + north) / 2))
     columns = max(int(math.sqrt(PIECES / narrow)), 1)
     rows = PIECES // columns
-    low_m, top_m, most = float(box_m[3]), float(box_m[4]), 0.0
+    low_m, top_m, least_m = float(box_m[3]), float(box_m[4]), np.inf
     for row in range(rows):
         start = south + high * row / rows
         lat = start + high / rows / 2
@@ -115,7 +109,6 @@ def _most_of_pieces(
             y = flat_m * math.sin(lon) - lens.eye[1]
             along_m = x * lens.forward[0] + y * lens.forward[1] + z * lens.forward[2]
             near_m = math.sqrt(x * x + y * y + z * z) - radius_m
-            depth_m = max(along_m - radius_m, near_m * lens.corner_cos, least_m)
-            weight = weight_of(lens, x, y, z, radius_m)
-            most = max(most, lens.focal_px / depth_m * weight)
-    return float(most)
+            depth_m = max(along_m - radius_m, near_m * lens.corner_cos)
+            least_m = min(least_m, depth_m)
+    return float(least_m)
