@@ -28,9 +28,9 @@ POSES = 15
 SIZE = Picture((320, 180))
 HERE, THERE = "parallel_45", ("north_pole", "south_pole", "antimeridian")
 MOST = {2.0: 1.5, 1.0: 1.75}
-"""Triangles and tiles of a flight, relative to the same flight at 45 degrees, by threshold in
-px. At 1 px nearly all that shows is leaves, and a long one at a pole is drawn for its near
-end and its far end alike."""
+"""Triangles and tiles of a flight by those of the same flight at 45 degrees, for thresholds
+in px. At 1 px nearly all that shows is leaves, and a long one at a pole is drawn for its
+near end and its far end alike."""
 
 
 class Cost(NamedTuple):
