@@ -4,7 +4,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.lattice_gap import missed_between
 from ingest.layer import Layer
 from ingest.mosaic import Mosaic
 from tiles.frames import Floats
@@ -51,7 +50,8 @@ def missed_of(
     Looked for at quarters of each square where the source has no data: of a bend between
     two such places three quarters are seen.
     """
-    r, c = np.nonzero(_any_corner(void))
+    empty = void[:-1, :-1] | void[:-1, 1:] | void[1:, :-1] | void[1:, 1:]
+    r, c = np.nonzero(empty)
     largest_m = 0.0
     for fx, fy in np.argwhere(np.ones((QUARTERS, QUARTERS)))[1:] / QUARTERS:
         weights = 1 - max(fx, fy), max(fx - fy, 0.0), max(fy - fx, 0.0), min(fx, fy)
@@ -65,27 +65,3 @@ def missed_of(
         gap_m = np.abs(mosaic.beside(layer, there[0], there[1]) - there[2])
         largest_m = max(largest_m, float(np.nanmax(gap_m, initial=0.0)))
     return largest_m * QUARTERS / (QUARTERS - 1)
-
-
-def bent_of(
-    mosaic: Mosaic, lon: Floats, lat: Floats, heights: Floats, void: NDArray[np.bool_]
-) -> float:
-    """Return how far the surface is from the posts that stand in where a source has none.
-
-    Looked for where those bend most.
-    """
-    squares = _any_corner(void) & ~_any_corner(np.abs(lat) > np.pi / 2)
-    if not squares.any():
-        return 0.0
-    # Between places on both sides of the antimeridian are none on the other side.
-    turned = lon[0, 0] + (lon - lon[0, 0] + np.pi) % (2 * np.pi) - np.pi
-
-    def surface(lon: Floats, lat: Floats) -> Floats:
-        return mosaic.heights((lon + np.pi) % (2 * np.pi) - np.pi, lat, 0.0)
-
-    return missed_between(surface, turned, lat, heights, squares, QUARTERS)
-
-
-def _any_corner(posts: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Say which squares of posts have one that is so."""
-    return np.asarray(posts[:-1, :-1] | posts[:-1, 1:] | posts[1:, :-1] | posts[1:, 1:])

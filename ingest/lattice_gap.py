@@ -9,7 +9,6 @@ largest are looked at closely.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tiles.frames import Floats
 
@@ -22,34 +21,22 @@ Surface = Callable[[Floats, Floats], Floats]
 """Heights, (n,) m, at longitudes and latitudes, (n,) rad"""
 
 
-def missed_between(
-    surface: Surface,
-    lon: Floats,
-    lat: Floats,
-    heights: Floats,
-    squares: NDArray[np.bool_] | None = None,
-    steps: int = EIGHTHS,
-) -> float:
+def missed_between(surface: Surface, lon: Floats, lat: Floats, heights: Floats) -> float:
     """Return how far a surface is from the triangles between its samples, m.
 
     Parameters
     ----------
     lon, lat, heights : (h, w) samples; lines between them run along parallels and
         meridians, and from each to that in the next row and column
-    squares : (h - 1, w - 1), which ones count; all without
-    steps : across a square that is looked at, each way
 
     Returns
     -------
     What was found, and as much more as may lie between two places that were looked at
     """
-    worst = bends(heights)
-    if squares is not None:
-        worst = np.where(squares, worst, -1.0)
-    worst = worst.ravel()
-    most = min(SQUARES, len(worst) if squares is None else int(squares.sum()))
+    worst = bends(heights).ravel()
+    most = min(SQUARES, len(worst))
     r, c = np.divmod(np.argpartition(-worst, most - 1)[:most], heights.shape[1] - 1)
-    y, x = (one.ravel()[:, None] / steps for one in np.indices((steps + 1,) * 2))
+    y, x = (one.ravel()[:, None] / EIGHTHS for one in np.indices((EIGHTHS + 1,) * 2))
     weights = 1 - np.maximum(x, y), np.maximum(x - y, 0), np.maximum(y - x, 0)
     there = [
         weights[0] * one[r, c]
@@ -59,7 +46,7 @@ def missed_between(
         for one in (lon, lat, heights)
     ]
     gap_m = surface(there[0].ravel(), there[1].ravel()) - there[2].ravel()
-    return float(np.abs(gap_m).max()) * steps / (steps - 1)
+    return float(np.abs(gap_m).max()) * EIGHTHS / (EIGHTHS - 1)
 
 
 def bends(heights: Floats) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.boxes import edge_m, edges_rad, grown, overlap
-from ingest.filled import bent_of, filled, missed_of
+from ingest.filled import filled, missed_of
 from ingest.lattice_gap import missed_between
 from ingest.layer import Layer
 from ingest.leaf_places import posts_inside, rim_crossings
@@ -31,8 +31,6 @@ little of what may be missed is missed: at sea"""
 FINEST_LATTICE, MOST_PARTS, MOST_MISSED = 512, 4, 1 / 1024
 """It is made finer, up to so many, until it misses at most this share of the edge: a
 quarter of what the cells above may be off by. So are posts beside which others fill in."""
-MOST_BENT = 1 / 256
-"""The same for posts that stand in for what is bent, which is seldom worth finer ones"""
 WORST_FIT_POSTS = 0.02
 MOST_POSTS = 400_000
 
@@ -88,11 +86,8 @@ def truth_of(mosaic: Mosaic, cell: int, side: int, least: int = OWN_LATTICE) -> 
         grid = filled(mosaic, window.layer, box, parts)
         lon, lat, heights, _ = grid
         missed_m = missed_of(mosaic, window.layer, *grid) if len(mosaic.layers) > 1 else 0.0
-        bent_m = bent_of(mosaic, *grid)
         over_pole = np.abs(lat).max() > np.pi / 2
-        edge = edge_m(cell)
-        enough = missed_m <= edge * MOST_MISSED and bent_m <= edge * MOST_BENT
-        if enough or parts == MOST_PARTS or over_pole:
+        if missed_m <= edge_m(cell) * MOST_MISSED or parts == MOST_PARTS or over_pole:
             break
         parts *= 2
     spacing_m = window.layer.spacing_m
@@ -100,7 +95,6 @@ def truth_of(mosaic: Mosaic, cell: int, side: int, least: int = OWN_LATTICE) -> 
     ecef = geodesy.to_ecef(lon, lat, heights)
     if _close_over_poles(mosaic, lat, ecef):
         slack_m *= 2
-    missed_m = max(missed_m, bent_m)
     slack = slack_m + missed_m, missed_m
     return _placed(cell, (lon, lat, heights), ecef, window.fit * parts, slack)
 
