@@ -269,7 +269,7 @@ def test_what_a_16_bit_file_has_for_no_data_is_no_depth_in_feet(
     connection, held = copied_from(path, options)
     found = Blocks(connection, held.blocks, posts.shape).window(0, 0, 20, 0, 30)
     np.testing.assert_array_equal(np.isnan(found), posts == void)
-    assert held.skipped == (0, 15, 0, 0)
+    assert held.skipped == (0, 15, 0, 0, 0)
     connection.close()
 
 
@@ -285,5 +285,5 @@ def test_where_an_alpha_band_is_clear_there_is_no_data(dtype: type, tmp_path: Pa
     connection, held = copied_from(path, ELLIPSOID)
     found = Blocks(connection, held.blocks, (20, 30)).window(0, 0, 20, 0, 30)
     np.testing.assert_array_equal(np.isnan(found), posts[1] == 0)
-    assert held.skipped == (15, 0, 0, 0)
+    assert held.skipped == (15, 0, 0, 0, 0)
     connection.close()
