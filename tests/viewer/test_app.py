@@ -319,7 +319,7 @@ def test_a_search_finds_a_building_and_flies_there(app: Flown) -> None:
 
 
 def test_the_threshold_may_change_on_the_way(app: Flown) -> None:
-    app.put(over_city(1e6))
+    app.put(over_city(2e5))
     fine = len(app.session.pager.draw_list().terrain)
     app.do.set_threshold(32.0)
     app.settle()
