@@ -21,7 +21,8 @@ from tiles.kernels import kernel
 PIECES = 24
 """of a cell, at most"""
 SMALL = 1 / 16
-"""A cell whose radius is at most this share of its depth is not cut: it hardly matters."""
+"""Of a cell whose radius is at most this share of its depth, the box says enough; so it does
+of one that counts less, beside the picture or behind the planet."""
 FLATTEST_M, ROUNDEST_M = WGS84_A_M**2 / WGS84_B_M, WGS84_B_M**2 / WGS84_A_M
 """Largest and least radius that the ellipsoid curves with"""
 
@@ -44,12 +45,14 @@ def error_px_per_m(
     box_rad : (4,) west, south, east, north; all 0 to take the cell as one piece
     """
     x, y, z = centre[0] - lens.eye[0], centre[1] - lens.eye[1], centre[2] - lens.eye[2]
-    half = lens.width_px / 2 / lens.focal_px, lens.height_px / 2 / lens.focal_px
-    depth_m = least_depth_m(lens.eye, lens.rotation, half, box_m[4])
-    depth_m = max(depth_m, _box_depth_m(lens, centre, radius_m, box_m))
-    if box_rad[2] > box_rad[0] and radius_m > SMALL * depth_m:
-        depth_m = max(depth_m, _piece_depth_m(lens, box_m, box_rad))
-    return float(lens.focal_px / depth_m * weight_of(lens, x, y, z, radius_m))
+    depth_m = _box_depth_m(lens, centre, radius_m, box_m)
+    weight = weight_of(lens, x, y, z, radius_m)
+    if weight == 1.0 and radius_m > SMALL * depth_m:
+        half = lens.width_px / 2 / lens.focal_px, lens.height_px / 2 / lens.focal_px
+        depth_m = max(depth_m, least_depth_m(lens.eye, lens.rotation, half, box_m[4]))
+        if box_rad[2] > box_rad[0] and radius_m > SMALL * depth_m:
+            depth_m = max(depth_m, _piece_depth_m(lens, box_m, box_rad))
+    return float(lens.focal_px / depth_m * weight)
 
 
 @kernel
@@ -91,24 +94,33 @@ def _piece_depth_m(
     columns = max(int(math.sqrt(PIECES / narrow)), 1)
     rows = PIECES // columns
     low_m, top_m, least_m = float(box_m[3]), float(box_m[4]), np.inf
-    for row in range(rows):
-        start = south + high * row / rows
-        lat = start + high / rows / 2
-        sine, cosine = math.sin(lat), math.cos(lat)
+    # Sines and cosines of one step after another, from the last ones and the step's.
+    up, aside = high / rows, wide / columns
+    sine, cosine = math.sin(south + up / 2), math.cos(south + up / 2)
+    up_sine, up_cosine = math.sin(up), math.cos(up)
+    aside_sine, aside_cosine = math.sin(aside), math.cos(aside)
+    first_x, first_y = math.cos(west + aside / 2), math.sin(west + aside / 2)
+    for _ in range(rows):
         across_m = WGS84_A_M / math.sqrt(1.0 - WGS84_E2 * sine * sine)
         flat_m = (across_m + (low_m + top_m) / 2) * cosine
         z = (across_m * (1.0 - WGS84_E2) + (low_m + top_m) / 2) * sine - lens.eye[2]
-        widest = math.cos(min(abs(start), abs(start + high / rows)))
-        half_m = high / rows / 2, wide / columns / 2 * widest
-        aside_m = math.hypot(half_m[0], half_m[1]) * (FLATTEST_M + max(top_m, 0.0))
+        widest = min(cosine + up / 2 * abs(sine), 1.0)
+        aside_m = math.sqrt((up / 2) ** 2 + (aside / 2 * widest) ** 2)
+        aside_m *= FLATTEST_M + max(top_m, 0.0)
         up_m = (top_m - low_m) / 2 + aside_m * aside_m / 2 / (ROUNDEST_M + min(low_m, 0.0))
         radius_m = math.sqrt(aside_m * aside_m + up_m * up_m)
-        for column in range(columns):
-            lon = west + wide * (column + 0.5) / columns
-            x = flat_m * math.cos(lon) - lens.eye[0]
-            y = flat_m * math.sin(lon) - lens.eye[1]
+        east_x, east_y = first_x, first_y
+        for _ in range(columns):
+            x, y = flat_m * east_x - lens.eye[0], flat_m * east_y - lens.eye[1]
             along_m = x * lens.forward[0] + y * lens.forward[1] + z * lens.forward[2]
             near_m = math.sqrt(x * x + y * y + z * z) - radius_m
-            depth_m = max(along_m - radius_m, near_m * lens.corner_cos)
-            least_m = min(least_m, depth_m)
+            least_m = min(least_m, max(along_m - radius_m, near_m * lens.corner_cos))
+            east_x, east_y = (
+                east_x * aside_cosine - east_y * aside_sine,
+                east_y * aside_cosine + east_x * aside_sine,
+            )
+        sine, cosine = (
+            sine * up_cosine + cosine * up_sine,
+            cosine * up_cosine - sine * up_sine,
+        )
     return float(least_m)

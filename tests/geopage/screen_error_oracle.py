@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from geopage.cell_error import error_px_per_m
+from geopage.cell_error import SMALL, error_px_per_m
 from geopage.ground_depth import least_depth_m
 from geopage.screen_error import HIDDEN, NEAR_M, OUTSIDE, Lens
 from geopage.tree import Tree
@@ -64,8 +64,11 @@ def error_px_per_m_of(
     depth = np.maximum(depth, np.maximum(near, NEAR_M) * lens.corner_cos)
     half = lens.width_px / 2 / lens.focal_px, lens.height_px / 2 / lens.focal_px
     view = lens.eye, lens.rotation, half
-    depth = np.maximum(depth, [least_depth_m(*view, float(high)) for high in box_m[:, 4]])
-    return np.asarray(lens.focal_px / depth * _weights(lens, offset, radius_m))
+    ground = np.array([least_depth_m(*view, float(high)) for high in box_m[:, 4]])
+    weights = _weights(lens, offset, radius_m)
+    looked_at = (weights == 1.0) & (radius_m > SMALL * depth)
+    depth = np.where(looked_at, np.maximum(depth, ground), depth)
+    return np.asarray(lens.focal_px / depth * weights)
 
 
 def _weights(

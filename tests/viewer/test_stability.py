@@ -135,7 +135,7 @@ def near_sighted(patch: Patch) -> None:
 
 
 def flat_lens(patch: Patch) -> None:
-    def alone(seen: Any, centre: np.ndarray, radius_m: float, _: np.ndarray) -> float:
+    def alone(seen: Any, centre: np.ndarray, radius_m: float, *_: np.ndarray) -> float:
         away_m = float(np.linalg.norm(centre - seen.eye)) - radius_m
         return float(seen.focal_px / max(away_m, 1e-3))
 
