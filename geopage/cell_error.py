@@ -21,7 +21,7 @@ from tiles.kernels import kernel
 PIECES = 24
 """of a cell, at most"""
 SMALL = 1 / 16
-"""Of a cell whose radius is at most this share of its depth, the box says enough; so it does
+"""Of a cell whose radius is at most this share of its depth the box says enough; as it does
 of one that counts less, beside the picture or behind the planet."""
 FLATTEST_M, ROUNDEST_M = WGS84_A_M**2 / WGS84_B_M, WGS84_B_M**2 / WGS84_A_M
 """Largest and least radius that the ellipsoid curves with"""
