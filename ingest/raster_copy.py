@@ -31,6 +31,8 @@ LOWEST_M, HIGHEST_M = -12000.0, 9500.0
 """Elevations beyond these are no data, whatever the file says."""
 FILLER, DEEP_M = -9999.0, -9000.0
 """No data where the file does not say so, unless somewhere in it posts are as deep."""
+VOIDS = -32768.0, -32767.0
+"""No data in files of 16 bits, where the file does not say so"""
 CHUNK_COLS = 16 * BLOCK
 CHECKED = {int(zstd.CompressionParameter.checksum_flag): 1}
 REASONS = (
@@ -169,8 +171,8 @@ def _is_deep(dataset: rasterio.DatasetReader, scale: float, offset: float) -> bo
             break
         stored, mask = _posts(dataset, chunk)
         metres = stored * scale + offset
-        near = (metres > LOWEST_M) & (metres < DEEP_M) & (stored != FILLER) & (mask != 0)
-        if near.any():
+        near = (metres > LOWEST_M) & (metres < DEEP_M) & (mask != 0)
+        if (near & ~np.isin(stored, (FILLER, *VOIDS))).any():
             return True
     return False
 
@@ -237,13 +239,13 @@ def _heights(
 @kernel
 def _is_void(value: float, metres: float) -> bool:
     """Say whether a number is a 16-bit file's for no data, though as feet it is a depth."""
-    return value == -32768.0 or (value == -32767.0 and metres < DEEP_M)
+    return value == VOIDS[0] or (value == VOIDS[1] and metres < DEEP_M)
 
 
 @kernel
 def _is_filler(value: float) -> bool:
     """Say whether a number that is no elevation is one that stands for no data."""
-    return value in (-32768.0, -32767.0, -99999.0) or abs(value) > 1e30
+    return value in (VOIDS[0], VOIDS[1], -99999.0) or abs(value) > 1e30
 
 
 def _write(
