@@ -141,7 +141,7 @@ def joined_mesh(whole: Surface, rungs: list[Rung]) -> tuple[Mesh, NDArray[np.voi
     most = max(int(one.used.max()) for one in (whole, *(rung.surface for rung in rungs)))
     number = np.full(most + 1, -1)
     number[whole.used] = np.arange(len(at))
-    surfaces = [(whole.triangles, whole.border)]
+    surfaces = [whole.shown]
     for rung in rungs:
         one = rung.surface
         # A whole mesh that was begun anew may have given a number to another place.
@@ -152,7 +152,8 @@ def joined_mesh(whole: Surface, rungs: list[Rung]) -> tuple[Mesh, NDArray[np.voi
         number[one.used[new]] = len(at) + np.arange(len(more))
         at = np.concatenate([at, one.at[new]])
         steps = np.concatenate([steps, more.astype(np.int16)])
-        surfaces.append((number[one.used][one.triangles], number[one.used][one.border]))
+        triangles, border = (number[one.used][rows] for rows in one.shown)
+        surfaces.append((triangles, border))
     mesh, ends = meshed(whole.cell, (whole.centre, whole.scale_m), steps, at, surfaces)
     table = np.zeros(len(surfaces) - 1, RUNG)
     for row, rung, (triangles, _), first, end in zip(

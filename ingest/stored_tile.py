@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from ingest.terrain_mesh import Surface
 from tiles import terrain
 
+CORNERS = 4
+"""of a cell: a surface's first vertices"""
+
 
 def stored_surface(connection: sqlite3.Connection, record: NDArray[np.void]) -> Surface:
     """Read the surface of the tile that an index record names."""
@@ -16,7 +19,8 @@ def stored_surface(connection: sqlite3.Connection, record: NDArray[np.void]) -> 
     body = connection.execute(ask, (int(record["row"]),)).fetchone()[0]
     tile = terrain.decode(body)
     triangles = tile.surface()
-    count = int(triangles.max()) + 1
+    # A corner at a pole may be of no triangle that is stored.
+    count = max(int(triangles.max()) + 1, CORNERS)
     at = tile.mesh.vertices["detail"][:count].astype(np.int64)
     steps = tile.mesh.vertices["position"][:count]
     return Surface(

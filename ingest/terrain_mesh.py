@@ -15,7 +15,7 @@ from ingest.closing import Under
 from ingest.leaf_places import first_ones
 from ingest.removal import Holes
 from ingest.triangulation import Triangulation
-from tiles import geodesy
+from tiles import cells, geodesy
 from tiles.frames import Ecef, Floats, Local
 from tiles.mesh import SKIRT, STEPS, UV_ONE, VERTEX, Mesh, quantise
 
@@ -49,7 +49,6 @@ class Places:
 LEAN = 1 / 16
 POLE_RAD = 1e-7
 """So near to a pole, 0.6 m, a map's edge is drawn"""
-POLAR_RAD = math.pi / 2 - 1e-9
 CORNER_STEPS = np.array([(UV_ONE, 0), (0, UV_ONE)])
 CORNERS = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 """South-west, south-east, north-east, north-west"""
@@ -113,8 +112,18 @@ class Surface:
     def mesh(self) -> Mesh:
         """Return what is stored, the skirt included."""
         frame = self.centre, self.scale_m
-        parts = [(self.triangles, self.border)]
-        return meshed(self.cell, frame, self.steps, self.at, parts)[0]
+        return meshed(self.cell, frame, self.steps, self.at, [self.shown])[0]
+
+    @cached_property
+    def shown(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return triangles and border but for those with two corners at a pole: lines."""
+        if not at_pole(self.cell):
+            return self.triangles, self.border
+        pole = UV_ONE if edges_rad(self.cell)[3] > 0 else 0
+        on_it = self.at[:, 1] == pole
+        triangles, border = self.triangles, self.border
+        thick, long = (on_it[rows].sum(axis=1) < 2 for rows in (triangles, border))
+        return triangles[thick], border[long]
 
 
 def meshed(
@@ -250,7 +259,7 @@ class Meshing:
 
 def at_pole(cell: int) -> bool:
     """Say whether a cell reaches to a pole."""
-    return max(abs(edge) for edge in edges_rad(cell)[1::2]) > POLAR_RAD
+    return max(abs(edge) for edge in edges_rad(cell)[1::2]) > cells.POLAR_RAD
 
 
 def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:

@@ -272,7 +272,7 @@ class ZoneBuilder:
         held = self._plan.held(node.cell)
         texture, finer_m = painted(self._mosaic, held, self._pictures, node.cell)
         texel_m = finer_m if node.children else 0.0
-        count = 3 * len(surface.triangles)
+        count = 3 * len(surface.shown[0])
         coarser = [rung for rung in node.rungs if rung.error_m > node.error_m]
         mesh, rungs = joined_mesh(surface, coarser)
         parts = count, node.error_m, texel_m, texture, rungs

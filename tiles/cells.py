@@ -43,6 +43,8 @@ from tiles.frames import Ints
 from tiles.zones import Bounds, FloatLike, IntLike
 
 MAX_LEVEL = 28
+POLAR_RAD = np.pi / 2 - 1e-9
+"""A latitude beyond is a pole."""
 _ONE = np.int64(1)
 _SPREAD = (
     (16, 0x0000FFFF0000FFFF),

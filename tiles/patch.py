@@ -33,8 +33,11 @@ class Patch(NamedTuple):
     """(4,) west, south, east, north, rad"""
     centre: Floats
     """(3,) ECEF m"""
-    uv: Floats
-    """(v, 2) west to east and south to north, 0 to 1"""
+    widths: tuple[float, float]
+    """of the south and the north edge on the map that places are looked up on: 1, or 0 at
+    a pole, where meridians meet"""
+    at: Floats
+    """(v, 2) on that map, west to east and south to north, 0 to 1"""
     local: Floats
     """(v, 3) m around the centre"""
     triangles: NDArray[np.uint16]
@@ -49,30 +52,45 @@ class Patch(NamedTuple):
 def patch_of(tile: TerrainTile, rung: int = 0) -> Patch:
     """Sort the triangles of a tile's surface, or of a rung's, into squares."""
     triangles = tile.surface(rung)
-    uv = tile.mesh.vertices["detail"].astype(np.float64) / UV_ONE
+    at = tile.mesh.vertices["detail"].astype(np.float64) / UV_ONE
+    bounds = np.array([float(edge) for edge in cells.bounds_rad(tile.cell)])
+    south, north = (np.abs(bounds[1::2]) < cells.POLAR_RAD).astype(float).tolist()
+    _put_on_map(at, (south, north))
     wanted = math.ceil(math.sqrt(len(triangles) / TRIANGLES_PER_SQUARE))
     side = min(max(wanted, 1), MOST_SQUARES)
-    start, items = _sorted(triangles, uv, side)
-    bounds = np.array([float(edge) for edge in cells.bounds_rad(tile.cell)])
-    local = np.ascontiguousarray(tile.mesh.local)
-    return Patch(bounds, tile.mesh.centre, uv, local, triangles, side, start, items)
+    start, items = _sorted(triangles, at, side)
+    local, frame = np.ascontiguousarray(tile.mesh.local), (bounds, tile.mesh.centre)
+    return Patch(*frame, (south, north), at, local, triangles, side, start, items)
+
+
+@kernel
+def _put_on_map(at: Floats, widths: tuple[float, float]) -> None:
+    """Turn fractions of the cell into places on its map."""
+    for i in range(len(at)):
+        at[i, 0] = _across(at[i, 0], at[i, 1], widths)
+
+
+@inlined
+def _across(x: float, y: float, widths: tuple[float, float]) -> float:
+    """Return how far east a fraction of the cell is on its map."""
+    return 0.5 + (x - 0.5) * (widths[0] + (widths[1] - widths[0]) * y)
 
 
 @kernel
 def _sorted(
-    triangles: NDArray[np.uint16], uv: Floats, side: int
+    triangles: NDArray[np.uint16], at: Floats, side: int
 ) -> tuple[Ints, NDArray[np.int32]]:
     """Count, then fill; each square's triangles stay in their order."""
     start = np.zeros(side * side + 1, np.int64)
     for t in range(len(triangles)):
-        west, south, east, north = _squares(triangles, uv, side, t)
+        west, south, east, north = _squares(triangles, at, side, t)
         for row in range(south, north + 1):
             for column in range(west, east + 1):
                 start[row * side + column + 1] += 1
     start = np.cumsum(start)
     place, items = start[:-1].copy(), np.empty(start[-1], np.int32)
     for t in range(len(triangles)):
-        west, south, east, north = _squares(triangles, uv, side, t)
+        west, south, east, north = _squares(triangles, at, side, t)
         for row in range(south, north + 1):
             for column in range(west, east + 1):
                 items[place[row * side + column]] = t
@@ -82,14 +100,14 @@ def _sorted(
 
 @inlined
 def _squares(
-    triangles: NDArray[np.uint16], uv: Floats, side: int, t: int
+    triangles: NDArray[np.uint16], at: Floats, side: int, t: int
 ) -> tuple[int, int, int, int]:
     a, b, c = triangles[t]
     return (
-        _square(min(uv[a, 0], uv[b, 0], uv[c, 0]), side),
-        _square(min(uv[a, 1], uv[b, 1], uv[c, 1]), side),
-        _square(max(uv[a, 0], uv[b, 0], uv[c, 0]), side),
-        _square(max(uv[a, 1], uv[b, 1], uv[c, 1]), side),
+        _square(min(at[a, 0], at[b, 0], at[c, 0]), side),
+        _square(min(at[a, 1], at[b, 1], at[c, 1]), side),
+        _square(max(at[a, 0], at[b, 0], at[c, 0]), side),
+        _square(max(at[a, 1], at[b, 1], at[c, 1]), side),
     )
 
 
@@ -110,11 +128,12 @@ def heights_on(patch: Patch, lon_rad: Floats, lat_rad: Floats, height_m: Floats)
         if abs(away) > math.pi:
             lon -= 2 * math.pi * math.copysign(1.0, away)
         x, y = (lon - west) / (east - west), (lat_rad[i] - south) / (north - south)
+        x = _across(x, y, patch.widths)
         square = _square(y, patch.side) * patch.side + _square(x, patch.side)
         near = patch.items[patch.start[square] : patch.start[square + 1]]
-        best, a, b, c, wa, wb, wc = _search(patch.triangles, patch.uv, near, x, y)
+        best, a, b, c, wa, wb, wc = _search(patch.triangles, patch.at, near, x, y)
         if best < AMISS:
-            _, a, b, c, wa, wb, wc = _search(patch.triangles, patch.uv, every, x, y)
+            _, a, b, c, wa, wb, wc = _search(patch.triangles, patch.at, every, x, y)
         height_m[i] = _height_m(
             wa * local[a, 0] + wb * local[b, 0] + wc * local[c, 0] + centre[0],
             wa * local[a, 1] + wb * local[b, 1] + wc * local[c, 1] + centre[1],
@@ -124,15 +143,15 @@ def heights_on(patch: Patch, lon_rad: Floats, lat_rad: Floats, height_m: Floats)
 
 @kernel
 def _search(
-    triangles: NDArray[np.uint16], uv: Floats, among: NDArray[np.int32], x: float, y: float
+    triangles: NDArray[np.uint16], at: Floats, among: NDArray[np.int32], x: float, y: float
 ) -> tuple[float, int, int, int, float, float, float]:
     """Return how far inside a place is, its triangle's corners and their weights."""
     best, found, wa, wb, wc = -np.inf, 0, 1.0, 0.0, 0.0
     for t in among:
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ax, ay = uv[a, 0] - x, uv[a, 1] - y
-        bx, by = uv[b, 0] - x, uv[b, 1] - y
-        cx, cy = uv[c, 0] - x, uv[c, 1] - y
+        ax, ay = at[a, 0] - x, at[a, 1] - y
+        bx, by = at[b, 0] - x, at[b, 1] - y
+        cx, cy = at[c, 0] - x, at[c, 1] - y
         w0, w1, w2 = bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx
         area, least = w0 + w1 + w2, min(w0, w1, w2)
         if area <= 0.0 or least <= best * area:

@@ -8,6 +8,7 @@ from ingest.terrain_mesh import (
     Meshing,
     Places,
     Surface,
+    at_pole,
     lattice_places,
     snapped,
 )
@@ -66,6 +67,13 @@ def test_the_skirt_repeats_the_rim(surface: Surface) -> None:
     assert (hem["flags"] & SKIRT == SKIRT).all()
     assert (top["flags"] & SKIRT == 0).all()
     on_rim = ((top["detail"] == 0) | (top["detail"] == UV_ONE)).any(axis=1)
+    # Along a pole an edge is a point, where no wall is.
+    south, north = np.abs(cells.bounds_rad(surface.cell)[1::2]) > cells.POLAR_RAD
+    v = top["detail"][:, 1]
+    along_pole = ((v == 0) & south) | ((v == UV_ONE) & north)
+    along_pole &= (top["detail"][:, 0] > 0) & (top["detail"][:, 0] < UV_ONE)
+    on_rim &= ~along_pole
+    assert along_pole.any() == (south | north)
     assert on_rim.sum() == len(hem)
     for field in ("position", "detail"):
         assert {t.tobytes() for t in hem[field]} <= {
@@ -74,7 +82,7 @@ def test_the_skirt_repeats_the_rim(surface: Surface) -> None:
 
 
 def test_walls_of_the_skirt_face_away_from_the_cell(surface: Surface) -> None:
-    indices = surface.mesh.indices.reshape(-1, 3)[len(surface.triangles) :].astype(int)
+    indices = surface.mesh.indices.reshape(-1, 3)[len(surface.shown[0]) :].astype(int)
     drop = np.where(surface.mesh.vertices["flags"] & SKIRT, 5e3, 0.0)
     points = surface.mesh.local + surface.mesh.centre
     lon, lat, _ = geodesy.to_geodetic(points)
@@ -82,8 +90,18 @@ def test_walls_of_the_skirt_face_away_from_the_cell(surface: Surface) -> None:
     a, b, c = np.moveaxis(points[indices], 1, 0)
     normal = np.cross(b - a, c - a)
     away = (a + b + c) / 3 - surface.mesh.centre
-    wide = np.linalg.norm(normal, axis=1) > 1e6  # at a pole, walls have no width
-    assert ((normal * away).sum(axis=1)[wide] > 0).all()
+    assert (np.linalg.norm(normal, axis=1) > 1e3).all()
+    assert ((normal * away).sum(axis=1) > 0).all()
+
+
+def test_what_has_no_area_at_a_pole_is_not_drawn(surface: Surface) -> None:
+    (triangles, border), points = surface.shown, surface.points
+    assert (np.linalg.norm(points[border[:, 0]] - points[border[:, 1]], axis=1) > 1).all()
+    left_out = len(surface.triangles) - len(triangles)
+    assert (left_out > 0) == at_pole(surface.cell)
+    a, b, c = np.moveaxis(points[surface.triangles], 1, 0)
+    lines = np.linalg.norm(np.cross(b - a, c - a), axis=1) < 1e-6
+    assert lines.sum() == left_out
 
 
 def test_neighbours_share_the_posts_of_their_edge() -> None:

@@ -130,10 +130,16 @@ def searched_m(store: Store, surface: Surface, row: int, lon: float, lat: float)
     tile = terrain.decode(store.checked_body(Lane.TERRAIN, *key))
     u, v = uv_in_cell(tile.cell, lon, lat)
     triangles = tile.mesh.indices[: tile.surface_index_count].reshape(-1, 3)
-    uv = tile.mesh.vertices["detail"][triangles] / UV_ONE - np.array([u, v])
+    uv, at = tile.mesh.vertices["detail"][triangles] / UV_ONE, np.array([u, v])
+    for pole, edge in zip(cells.bounds_rad(tile.cell)[1::2], (0.0, 1.0), strict=True):
+        if abs(pole) > cells.POLAR_RAD:  # there the cell's meridians meet
+            for one in (uv, at):
+                one[..., 0] = 0.5 + (one[..., 0] - 0.5) * np.abs(edge - one[..., 1])
+    uv -= at
     ahead, behind = np.roll(uv, -1, axis=1), np.roll(uv, -2, axis=1)
     weight = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
-    weight = weight / weight.sum(axis=1, keepdims=True)
+    area = weight.sum(axis=1, keepdims=True)
+    weight = np.divide(weight, area, out=np.full_like(weight, -np.inf), where=area > 0)
     best = int(np.argmax(weight.min(axis=1)))
     point = weight[best] @ tile.mesh.local[triangles[best]] + tile.mesh.centre
     return float(to_geodetic(point)[2])
