@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ingest.deviation_kernels import add
-from ingest.terrain_mesh import Surface, at_pole
+from ingest.pole import at_pole
+from ingest.terrain_mesh import Surface
 from ingest.truth import Truth
 from tiles.frames import Floats
 

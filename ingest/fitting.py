@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from ingest.boxes import window_in
 from ingest.deviation import Gaps
+from ingest.pole import at_pole
 from ingest.posts import bent_share
 from ingest.removal import Holes
-from ingest.terrain_mesh import Meshing, Places, Surface, at_pole, snapped
+from ingest.terrain_mesh import Meshing, Places, Surface, snapped
 from ingest.truth import Truth, points_at
 from tiles.frames import Floats
 from tiles.mesh import UV_ONE

@@ -146,7 +146,8 @@ def joined_mesh(whole: Surface, rungs: list[Rung]) -> tuple[Mesh, NDArray[np.voi
         one = rung.surface
         # A whole mesh that was begun anew may have given a number to another place.
         new = (number[one.used] < 0) | (at[number[one.used]] != one.at).any(axis=1)
-        more = np.rint(one.points[new] / whole.scale_m)
+        aside_m = one.centre - whole.centre  # at a pole
+        more = np.rint((one.points[new] + aside_m) / whole.scale_m)
         if np.abs(more).max(initial=0.0) > STEPS:
             break
         number[one.used[new]] = len(at) + np.arange(len(more))

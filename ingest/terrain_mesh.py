@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from ingest.boxes import edges_rad
 from ingest.closing import Under
 from ingest.leaf_places import first_ones
+from ingest.pole import at_pole, on_pole, quantise_around, with_extent
 from ingest.removal import Holes
 from ingest.triangulation import Triangulation
-from tiles import cells, geodesy
+from tiles import geodesy
 from tiles.frames import Ecef, Floats, Local
 from tiles.mesh import SKIRT, STEPS, UV_ONE, VERTEX, Mesh, quantise
 
@@ -117,13 +118,8 @@ class Surface:
     @cached_property
     def shown(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return triangles and border but for those with two corners at a pole: lines."""
-        if not at_pole(self.cell):
-            return self.triangles, self.border
-        pole = UV_ONE if edges_rad(self.cell)[3] > 0 else 0
-        on_it = self.at[:, 1] == pole
-        triangles, border = self.triangles, self.border
-        thick, long = (on_it[rows].sum(axis=1) < 2 for rows in (triangles, border))
-        return triangles[thick], border[long]
+        poles = on_pole(self.cell, self.at)
+        return with_extent(self.triangles, poles), with_extent(self.border, poles)
 
 
 def meshed(
@@ -237,14 +233,20 @@ class Meshing:
 
     def surface(self) -> Surface:
         """Return the mesh as it is now."""
-        net = self._net.result()
-        steps, scale_m = quantise(Local(net.points))
+        net, centre = self._net.result(), self._centre
+        local = Local(net.points)
+        if at_pole(self._cell):
+            tip = local[np.flatnonzero(on_pole(self._cell, net.at))[0]]
+            steps, scale_m, aside_m = quantise_around(tip, local)
+            centre = Ecef(centre + aside_m)
+        else:
+            steps, scale_m = quantise(local)
         # Another scale rounds all positions anew.
         fresh = net.fresh | (scale_m != self._scale_m)
         self._scale_m = scale_m
         return Surface(
             self._cell,
-            self._centre,
+            centre,
             steps,
             scale_m,
             net.at,
@@ -255,11 +257,6 @@ class Meshing:
             net.across,
             fresh,
         )
-
-
-def at_pole(cell: int) -> bool:
-    """Say whether a cell reaches to a pole."""
-    return max(abs(edge) for edge in edges_rad(cell)[1::2]) > cells.POLAR_RAD
 
 
 def on_map(cell: int, at: NDArray[np.int64], lean: int) -> Floats:

