@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cell that reaches to a pole: one of its edges is a point.
+"""A cell that reaches to a pole: one of its edges is a point, its tip.
 
-All vertices on that edge are drawn in one place, and so are those of all cells around it:
-else there would be gaps between them, where no skirt hangs.
+All vertices on that edge are drawn in one place of the earth's axis: else there would be
+gaps beside it, in the cell and between cells, where no skirt hangs.
 """
 
 import numpy as np
@@ -24,6 +24,16 @@ def on_pole(cell: int, at: NDArray[np.int64]) -> NDArray[np.bool_]:
     edges = zip(edges_rad(cell)[1::2], (0, UV_ONE), strict=True)
     poles = [edge for lat, edge in edges if abs(lat) > cells.POLAR_RAD]
     return np.isin(at[:, 1], poles)
+
+
+def tip_of(cell: int, at: NDArray[np.int64], points: Floats) -> Floats | None:
+    """Return the one place of those of a cell's places that are a pole, (3,) ECEF m.
+
+    Between columns of posts a source's surface passes a pole by up to half their distance
+    in the row beside it.
+    """
+    poles = on_pole(cell, at)
+    return np.array([0.0, 0.0, points[poles, 2].mean()]) if poles.any() else None
 
 
 def with_extent(rows: NDArray[np.int64], on_pole: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ingest.boxes import edges_rad
 from ingest.closing import Under
 from ingest.leaf_places import first_ones
-from ingest.pole import at_pole, on_pole, quantise_around, with_extent
+from ingest.pole import at_pole, on_pole, quantise_around, tip_of, with_extent
 from ingest.removal import Holes
 from ingest.triangulation import Triangulation
 from tiles import geodesy
@@ -175,12 +175,19 @@ class Meshing:
         """Take what may be a vertex; `upright` to measure along the vertical."""
         self._cell, self._lean = cell, places.lean
         self._centre = Ecef(places.points[:4].mean(axis=0))
-        local = np.ascontiguousarray(places.points - self._centre)
+        self._tip = tip_of(cell, places.at, places.points)
+        local = self._local(places.at, places.points)
         self._rounding_m = np.sqrt(3) / 2 * float(np.abs(local).max()) / STEPS
         flat = on_map(cell, places.at, places.lean)
         middle = np.asarray(self._centre) * float(upright)
         self._net = Triangulation(places.at, flat, local, middle)
         self._scale_m = 0.0
+
+    def _local(self, at: NDArray[np.int64], points: Floats) -> Floats:
+        """Return places around the centre, a pole's all in one, (n, 3) m."""
+        if self._tip is not None:
+            points = np.where(on_pole(self._cell, at)[:, None], self._tip, points)
+        return np.ascontiguousarray(points - self._centre)
 
     def refine(self, bound_m: float) -> None:
         """Insert places until none is further than a bound, rounding included."""
@@ -219,7 +226,7 @@ class Meshing:
         near : (n,) triangles of the last surface that they probably lie over
         """
         flat = on_map(self._cell, at, self._lean)
-        return self._net.add(at, flat, points - self._centre, near)
+        return self._net.add(at, flat, self._local(at, points), near)
 
     def lift(self, bound_m: float) -> Holes | None:
         """Take out vertices that no place minds by more than a bound, until `settle`."""
@@ -235,12 +242,11 @@ class Meshing:
         """Return the mesh as it is now."""
         net, centre = self._net.result(), self._centre
         local = Local(net.points)
-        if at_pole(self._cell):
-            tip = local[np.flatnonzero(on_pole(self._cell, net.at))[0]]
-            steps, scale_m, aside_m = quantise_around(tip, local)
-            centre = Ecef(centre + aside_m)
-        else:
+        if self._tip is None:
             steps, scale_m = quantise(local)
+        else:
+            steps, scale_m, aside_m = quantise_around(self._tip - centre, local)
+            centre = Ecef(centre + aside_m)
         # Another scale rounds all positions anew.
         fresh = net.fresh | (scale_m != self._scale_m)
         self._scale_m = scale_m
