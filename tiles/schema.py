@@ -2,7 +2,7 @@
 """The tables of a store, and what its file must say about itself."""
 
 APPLICATION_ID = 0x67656F70  # "geop"
-FORMAT_VERSION = 6
+FORMAT_VERSION = 7
 
 TABLES = """
 CREATE TABLE tile(
