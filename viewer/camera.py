@@ -17,6 +17,7 @@ from tiles import geodesy
 from tiles.frames import Ecef, Floats
 
 NEAR_M = 0.25
+"""What is nearer to the eye need not be drawn."""
 FOV_RAD = math.radians(60.0)
 
 
@@ -107,6 +108,12 @@ def project(view: ViewState, points: NDArray[np.float64]) -> Floats:
     return np.stack((x, y, depth), -1)
 
 
+def near_m(view: ViewState) -> float:
+    """Return the depth of the near plane: in a corner, too, it is nearer than NEAR_M."""
+    x, y = view.width_px / 2 / view.focal_px, view.height_px / 2 / view.focal_px
+    return NEAR_M / math.sqrt(1.0 + x * x + y * y)
+
+
 def unproject(view: ViewState, x: float, y: float, depth: float) -> Ecef:
     """Return the point at a position in the picture that has a depth, as GL keeps it.
 
@@ -118,4 +125,4 @@ def unproject(view: ViewState, x: float, y: float, depth: float) -> Ecef:
     right = (x - view.width_px / 2) / view.focal_px
     above = (view.height_px / 2 - y) / view.focal_px
     ray = np.array((right, above, -1.0)) @ view.rotation
-    return Ecef(view.eye + ray * (NEAR_M / depth))
+    return Ecef(view.eye + ray * (near_m(view) / depth))

@@ -11,7 +11,7 @@ from geopage.view import ViewState
 from tiles import geodesy
 from tiles.frames import WGS84_A_M, WGS84_B_M, Floats
 from viewer import air
-from viewer.camera import NEAR_M
+from viewer.camera import near_m
 
 SUN_ENU = np.array((-0.5, 0.5, math.sqrt(0.5)))
 """From the north-west, 45 degrees high: the light of the relief in the textures."""
@@ -51,7 +51,7 @@ def frame_block(view: ViewState, look: Look, supersample: float = 1) -> NDArray[
     block[:3, :3] = view.rotation
     block[0, 3] = 2.0 * view.focal_px / view.width_px
     block[1, 3] = 2.0 * view.focal_px / view.height_px
-    block[2, 3] = NEAR_M
+    block[2, 3] = near_m(view)
     block[3, :3] = view.eye / AXES_M
     block[3, 3] = max(float(height_m), 0.0)
     block[4] = *sun, look.night_light

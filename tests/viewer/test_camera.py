@@ -6,7 +6,7 @@ import pyproj
 import pytest
 
 from tiles import geodesy
-from viewer.camera import NEAR_M, Pose, pixel_rays, project, unproject, view_state
+from viewer.camera import Pose, near_m, pixel_rays, project, unproject, view_state
 
 SIZE = (640, 360)
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -99,5 +99,5 @@ def test_a_depth_leads_back_to_the_point() -> None:
     view = view_state(pose(*PLACES[1], 9000.0, 200.0, -17.0), SIZE)
     point = view.eye + pixel_rays(view)[20, 31] * 12_345.0
     x, y, away_m = project(view, point).tolist()
-    found = unproject(view, x, y, NEAR_M / away_m)
+    found = unproject(view, x, y, near_m(view) / away_m)
     assert np.linalg.norm(found - point) < 1e-6
