@@ -13,7 +13,7 @@ from rasterio.errors import RasterioError
 from tiles.errors import InputError
 from tiles.frames import Floats
 from tiles.kernels import kernel
-from tiles.placement import ways_between
+from tiles.placement import Box, area_of, ways_between
 from tiles.samples import SAMPLES
 
 GRIDS = {"egm96": SAMPLES / "egm96_15.tif"}
@@ -32,11 +32,18 @@ UNITS_M = {
 UNITS_M |= {"cm": 0.01, "centimetre": 0.01, "dm": 0.1, "mm": 0.001, "km": 1000.0}
 UNITS_M |= dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0)
 """Units that a band may state; metres where nothing states any."""
+GLOBE: Box = (-180.0, -90.0, 180.0, 90.0)
 ADVICE = "state one with --datum egm96, ellipsoid or EPSG:n"
 
 
-def datum_of(path: str | Path, stated: str | None, file_crs: str | None) -> str:
+def datum_of(
+    path: str | Path, stated: str | None, file_crs: str | None, bounds_deg: Box = GLOBE
+) -> str:
     """Return the vertical datum of a source: as stated, else as its file says.
+
+    Parameters
+    ----------
+    bounds_deg : of the source; a grid that is not installed is named for there
 
     Returns
     -------
@@ -54,7 +61,7 @@ def datum_of(path: str | Path, stated: str | None, file_crs: str | None) -> str:
         )
         raise InputError(path, reason, ADVICE)
     if found not in {"ellipsoid", *GRIDS}:
-        require_way(path, found)
+        require_way(path, found, bounds_deg)
     return found
 
 
@@ -113,7 +120,7 @@ def unit_m(
         return UNITS_M[units]
     if band:
         if band.lower() not in UNITS_M:
-            advice = "state it with gdal_edit.py -units m"
+            advice = "state it with --units m, ft or us-ft"
             raise InputError(path, f"heights in an unknown unit {band[:40]!r}", advice)
         return UNITS_M[band.lower()]
     systems = [name for name in (stated, crs) if name and name.lower() not in _NAMES]
@@ -132,7 +139,7 @@ def _vertical(text: str) -> pyproj.CRS | None:
     return next((part for part in parts if part.is_vertical), None)
 
 
-def require_way(path: str | Path, datum: str) -> None:
+def require_way(path: str | Path, datum: str, bounds_deg: Box) -> None:
     """Refuse a datum from which PROJ can't get to the ellipsoid here and now.
 
     Raises
@@ -150,10 +157,10 @@ def require_way(path: str | Path, datum: str) -> None:
         raise InputError(path, f"{vertical.name} are depths, not heights", ADVICE)
     if ways_of(datum):
         return
-    grid = _missing_grid(vertical)
+    grid = _missing_grid(vertical, bounds_deg)
     reason = f"no grid for vertical datum {datum} ({vertical.name})"
     if grid is None:
-        raise InputError(path, f"{reason}: PROJ knows none", ADVICE)
+        raise InputError(path, f"{reason}: PROJ has none for there", ADVICE)
     raise InputError(path, reason, f"run `pyproj sync --file {grid}`, or {ADVICE}")
 
 
@@ -164,19 +171,19 @@ def ways_of(datum: str) -> tuple[pyproj.Transformer, ...]:
     return tuple(group.transformers)
 
 
-def _group(vertical: pyproj.CRS | None) -> TransformerGroup:
+def _group(vertical: pyproj.CRS | None, bounds_deg: Box = GLOBE) -> TransformerGroup:
     both = pyproj.crs.CompoundCRS("heights", [pyproj.CRS(4326), vertical])
-    return ways_between(both, pyproj.CRS(4979))
+    return ways_between(both, pyproj.CRS(4979), area_of(bounds_deg))
 
 
-def _missing_grid(vertical: pyproj.CRS) -> str | None:
-    """Name the file that is enough to know a datum."""
-    lists: list[list[str]] = [
-        [grid.short_name for grid in way.grids if not grid.available]
-        for way in _group(vertical).unavailable_operations
+def _missing_grid(vertical: pyproj.CRS, bounds_deg: Box) -> str | None:
+    """Name the file that is enough to know a datum there, of those that PROJ hands out."""
+    missing = [
+        [grid for grid in way.grids if not grid.available]
+        for way in _group(vertical, bounds_deg).unavailable_operations
     ]
-    lists.sort(key=len)
-    return next((names[0] for names in lists if names), None)
+    lists = [grids for grids in missing if grids and all(grid.url for grid in grids)]
+    return min(lists, key=len)[0].short_name if lists else None
 
 
 @cache

@@ -18,6 +18,7 @@ from ingest.journal import stamp
 from ingest.names import name_of
 from ingest.raster_open import files_of, open_raster
 from tiles.errors import InputError
+from tiles.placement import Box
 
 RGB = 3
 Source = dict[str, Any]
@@ -73,7 +74,7 @@ def plan(path: Path, options: RasterOptions) -> Source:
         place = pyproj.CRS.from_wkt(source["crs"]), source["bounds_deg"]
         source["doubt"] = doubt(path, *place, source["spacing_m"] / 2)
         if not picture:
-            source |= meaning(path, dataset, options)
+            source |= meaning(path, dataset, options, source["bounds_deg"])
         source["stamp"] = stamp(files_of(path, dataset))
     name = options.name or name_of(path)
     return {**source, "name": name, "kind": options.kind}
@@ -89,12 +90,14 @@ def wrong_kind(path: Path, dataset: DatasetReader, *, is_colour: bool) -> InputE
     return InputError(path, "is not an RGB picture", "use `geopage ingest terrain`")
 
 
-def meaning(path: Path, dataset: DatasetReader, options: RasterOptions) -> Source:
+def meaning(
+    path: Path, dataset: DatasetReader, options: RasterOptions, bounds_deg: Box
+) -> Source:
     """Say what a file's numbers are: datum, unit_m, vertical_step_m."""
     if dataset.driver == "JPEG":
         raise InputError(path, "is a photograph (JPEG)", "give elevations as a GeoTIFF")
     wkt = options.crs or (dataset.crs.to_wkt() if dataset.crs else None)
-    datum = datum_of(path, options.datum, wkt)
+    datum = datum_of(path, options.datum, wkt, bounds_deg)
     metres = unit_m(path, options.datum, wkt, dataset.units[0], options.units)
     file_says = datum_in(dataset.crs.to_wkt()) if dataset.crs else None
     whole = np.issubdtype(np.dtype(dataset.dtypes[0]), np.integer)

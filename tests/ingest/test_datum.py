@@ -89,6 +89,24 @@ def test_a_datum_that_is_not_known_or_has_no_grid_is_refused(
     assert "\n" not in message
 
 
+@pytest.mark.parametrize(
+    ("stated", "bounds_deg", "says"),
+    [
+        ("EPSG:5703", (-150.0, 61.0, -149.0, 62.0), "us_noaa_(geoid0|g2012ba0)"),
+        ("EPSG:5703", (-100.0, 40.0, -99.0, 41.0), "us_noaa_g"),
+        ("EPSG:5621", (11.0, 46.0, 12.0, 47.0), "PROJ has none for there"),
+        ("EPSG:5714", (11.0, 46.0, 12.0, 47.0), "PROJ has none for there"),
+        ("egm2008", (179.0, -17.0, 181.0, -16.0), "us_nga_egm08_25.tif"),
+    ],
+)
+def test_a_grid_is_named_that_is_for_there_and_can_be_had(
+    stated: str, bounds_deg: tuple[float, float, float, float], says: str
+) -> None:
+    """Not a file without an address (of MSL), nor Slovakia's for Tyrol."""
+    with pytest.raises(InputError, match=says):
+        datum_of("a.tif", stated, None, bounds_deg)
+
+
 def test_units_come_from_the_band_or_the_vertical_system() -> None:
     feet = pyproj.CRS("EPSG:4326+6360").to_wkt()  # NAVD88 height (ftUS)
     assert unit_m("a.tif", None, feet, None) == pytest.approx(1200 / 3937)
@@ -112,7 +130,9 @@ def test_a_map_in_feet_says_nothing_of_its_heights(crs: str) -> None:
 
 
 def test_a_unit_that_is_no_length_is_refused() -> None:
-    with pytest.raises(InputError, match=r"a\.tif: heights in an unknown unit 'K'"):
+    with pytest.raises(
+        InputError, match=r"a\.tif: heights in an unknown unit 'K'; .*--units"
+    ):
         unit_m("a.tif", "egm96", None, "K")
 
 
