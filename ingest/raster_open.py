@@ -173,6 +173,9 @@ def quiet_open(
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             return rasterio.open(path, driver=driver)
     except (RasterioError, OSError) as error:
+        if whole and not str(path).startswith("/vsi") and not Path(path).exists():
+            reason = f"made of {path}, which is not there"
+            raise InputError(whole, reason, "put it there, or make the VRT anew") from error
         if whole:
             reason = f"made of {path}, which can't be read as a raster"
             raise InputError(whole, reason, "give that as a GeoTIFF, HGT or VRT") from error

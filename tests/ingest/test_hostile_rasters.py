@@ -262,6 +262,10 @@ def vrt_of_itself(path: Path) -> Path:
     return made_of(path, path)
 
 
+def vrt_of_what_is_gone(path: Path) -> Path:
+    return made_of(path.with_name("gone.tif"), path.with_suffix(".vrt"))
+
+
 def vrt_of_a_service(path: Path) -> Path:
     service = path.with_name("service.xml")
     service.write_text(
@@ -301,6 +305,7 @@ def made_of(inner: Path, path: Path) -> Path:
         (bomb_deep_in_vrts, "has blocks of 1525 MiB; .*TILED"),
         (vast_vrt, "all but empty for its 2000000 x 2000000 posts; .*-projwin"),
         (vrt_of_itself, "a VRT of VRTs of VRTs; name the innermost"),
+        (vrt_of_what_is_gone, "made of .*gone.tif, which is not there; "),
         (vrt_of_a_service, "made of .*service.xml, which can't be read as a raster"),
     ],
 )
