@@ -152,7 +152,9 @@ def rasters(
     if given.name and len(files) > 1:
         raise InputError(given.name, "one name for several files", "ingest them one by one")
     if not is_compiled(close):
-        print("geopage: compiling, once after installing: up to a minute", file=sys.stderr)
+        print(
+            "geopage: compiling, once after installing: a minute or more", file=sys.stderr
+        )
     # All in one go: whatever is refused is refused before the earth is meshed.
     ground = earth_files() if given.earth else []
     try:

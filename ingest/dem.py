@@ -19,6 +19,8 @@ SEAM_POSTS = 0.1
 """By so much a raster that goes round the globe may miss its start"""
 MOST_LOST = 0.75
 """On a map of the whole globe as much, near the corners, may lie beyond its edge."""
+LARGEST_DEG = 0.25
+"""Steps of a raster in degrees are mostly smaller."""
 PLACED = "write one with gdal_translate -a_ullr, or a world file beside it"
 
 
@@ -160,6 +162,19 @@ def require_placed(
     if not (crs.is_geographic or crs.is_projected):
         advice = "name another with --crs, for example --crs EPSG:4326"
         raise InputError(path, f"its CRS ({crs.name[:60]}) is no map's", advice)
+    # A CRS of the registry has an origin where no such fine survey is.
+    if crs.is_projected and _like_degrees(dataset) and crs.to_authority():
+        reason = f"its CRS ({crs.name[:60]}) is no degrees, its numbers look like degrees"
+        raise InputError(path, reason, "name the right one, such as --crs EPSG:4326")
+
+
+def _like_degrees(dataset: rasterio.DatasetReader) -> bool:
+    """Say whether a raster of small steps lies within 360 of 0, and 90 to the north."""
+    turned = np.reshape(tuple(dataset.transform)[:6], (2, 3))
+    col, row = np.meshgrid([0, dataset.width], [0, dataset.height])
+    x, y = np.abs(turned @ np.stack([col.ravel(), row.ravel(), np.ones(4)]))
+    small = np.abs(turned[:, :2]).max() <= LARGEST_DEG
+    return bool(small and x.max() <= 360.0 and y.max() <= 90.0)
 
 
 def refuse_points(path: str | Path, dataset: rasterio.DatasetReader) -> None:

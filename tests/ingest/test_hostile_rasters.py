@@ -51,6 +51,10 @@ def rotated_degrees(path: Path) -> Path:
     return write(path, POSTS, Affine(8e-3, 6e-3, 11.0, 6e-3, -8e-3, 46.5), "EPSG:4326")
 
 
+def degrees_called_metres(path: Path) -> Path:
+    return write(path, POSTS, WHERE, "EPSG:32632")
+
+
 def south_up(path: Path) -> Path:
     return write(path, POSTS, Affine(0.01, 0.0, 11.0, 0.0, 0.01, 46.0), "EPSG:4326")
 
@@ -295,6 +299,7 @@ def made_of(inner: Path, path: Path) -> Path:
         (metres_as_degrees, "reaches beyond the earth .* degrees.*; .* --crs"),
         (off_the_map, "reaches beyond its map projection"),
         (no_map, "is no map's; .*--crs"),
+        (degrees_called_metres, "numbers look like degrees; .*--crs EPSG:4326"),
         (control_points, "but ground control points; warp it with `gdalwarp -r .*a.tif"),
         (camera, "but a camera's coefficients .RPC.; warp it with `gdalwarp -rpc "),
         (kelvin, "unknown unit 'K'; .*-units m"),

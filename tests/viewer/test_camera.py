@@ -6,7 +6,7 @@ import pyproj
 import pytest
 
 from tiles import geodesy
-from viewer.camera import Pose, near_m, pixel_rays, project, unproject, view_state
+from viewer.camera import NEAR_M, Pose, near_m, pixel_rays, project, unproject, view_state
 
 SIZE = (640, 360)
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -93,6 +93,14 @@ def test_the_eye_is_where_pyproj_puts_it() -> None:
     view = view_state(pose(*PLACES[3], 1234.5, 0.0, 0.0), SIZE)
     assert np.linalg.norm(view.eye - ecef(*PLACES[3], 1234.5)) < 1e-6
     assert geodesy.to_geodetic(view.eye)[2] == pytest.approx(1234.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("fov_deg", [20.0, 60.0, 165.0])
+def test_in_a_corner_no_more_is_cut_off_than_ahead(fov_deg: float) -> None:
+    view = view_state(pose(*PLACES[1], 2.0, 0.0, 0.0), SIZE, math.radians(fov_deg))
+    depth_m = NEAR_M * pixel_rays(view) @ view.forward
+    assert near_m(view) == pytest.approx(depth_m.min(), rel=0.1)
+    assert near_m(view) < depth_m.min()
 
 
 def test_a_depth_leads_back_to_the_point() -> None:
