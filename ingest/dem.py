@@ -164,7 +164,7 @@ def require_placed(
         raise InputError(path, f"its CRS ({crs.name[:60]}) is no map's", advice)
     # A CRS of the registry has an origin where no such fine survey is.
     if crs.is_projected and _like_degrees(dataset) and crs.to_authority():
-        reason = f"its CRS ({crs.name[:60]}) is no degrees, its numbers look like degrees"
+        reason = f"its CRS ({crs.name[:60]}) has no degrees, its numbers look like degrees"
         raise InputError(path, reason, "name the right one, such as --crs EPSG:4326")
 
 
