@@ -36,9 +36,9 @@ def tip_of(cell: int, at: NDArray[np.int64], points: Floats) -> Floats | None:
     return np.array([0.0, 0.0, points[poles, 2].mean()]) if poles.any() else None
 
 
-def with_extent(rows: NDArray[np.int64], on_pole: NDArray[np.bool_]) -> NDArray[np.int64]:
+def with_extent(rows: NDArray[np.int64], poles: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return triangles or edges, (n, k) vertices, but for those two of which are a pole."""
-    return np.asarray(rows[on_pole[rows].sum(axis=1) < 2])
+    return np.asarray(rows[poles[rows].sum(axis=1) < 2])
 
 
 def quantise_around(tip: Floats, local: Local) -> tuple[NDArray[np.int16], float, Floats]:

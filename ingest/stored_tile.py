@@ -6,11 +6,8 @@ import sqlite3
 import numpy as np
 from numpy.typing import NDArray
 
-from ingest.terrain_mesh import Surface
+from ingest.terrain_mesh import CORNERS, Surface
 from tiles import terrain
-
-CORNERS = 4
-"""of a cell: a surface's first vertices"""
 
 
 def stored_surface(connection: sqlite3.Connection, record: NDArray[np.void]) -> Surface:
@@ -20,7 +17,7 @@ def stored_surface(connection: sqlite3.Connection, record: NDArray[np.void]) -> 
     tile = terrain.decode(body)
     triangles = tile.surface()
     # A corner at a pole may be of no triangle that is stored.
-    count = max(int(triangles.max()) + 1, CORNERS)
+    count = max(int(triangles.max()) + 1, len(CORNERS))
     at = tile.mesh.vertices["detail"][:count].astype(np.int64)
     steps = tile.mesh.vertices["position"][:count]
     return Surface(
